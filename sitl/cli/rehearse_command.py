@@ -142,7 +142,8 @@ def run(arguments: Options) -> int:
         status.show(partial(progress_text, len(verdicts), count, "flights", elapsed_s))
     status.end()
     if not arguments.json:
-        sys.stdout.write(table(verdicts, {fault.name: fault.value.words for fault in Fault}) + "\n")
+        descriptions = {fault.name: fault.value.description for fault in Fault}
+        sys.stdout.write(table(verdicts, descriptions) + "\n")
     status.print_line(f"{len(verdicts)} flights in {time.monotonic() - began_s:.0f} s")
     good = all(verdict.good for _, verdict in verdicts)
     return ExitCode.DONE if good else ExitCode.ENDED_OTHERWISE

@@ -28,7 +28,7 @@ __getattr__, __dir__, __all__ = door(
             "uniform",
         ),
         "faults": ("Fault", "Scene", "scenes"),
-        "inspections": ("SAID", "SENDERS"),
+        "inspections": ("CLAIMS", "SENDERS"),
         "mission_file": ("ANOTHER", "MissionFile", "hurried"),
         "scenario": ("SceneOverError",),
         "simulated_flight": ("SimulatedFlight",),

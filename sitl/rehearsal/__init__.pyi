@@ -1,4 +1,4 @@
-# What `sitl.rehearsal` gives, for type checkers; `__init__.py` says where it is.
+# What `sitl.rehearsal` exports, for type checkers; `__init__.py` has the module of each.
 
 from sitl.rehearsal.companion import SimulatedLoop as SimulatedLoop
 from sitl.rehearsal.courses import BATTERY as BATTERY
@@ -23,7 +23,7 @@ from sitl.rehearsal.courses import uniform as uniform
 from sitl.rehearsal.faults import Fault as Fault
 from sitl.rehearsal.faults import Scene as Scene
 from sitl.rehearsal.faults import scenes as scenes
-from sitl.rehearsal.inspections import SAID as SAID
+from sitl.rehearsal.inspections import CLAIMS as CLAIMS
 from sitl.rehearsal.inspections import SENDERS as SENDERS
 from sitl.rehearsal.mission_file import ANOTHER as ANOTHER
 from sitl.rehearsal.mission_file import MissionFile as MissionFile

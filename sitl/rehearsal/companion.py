@@ -123,7 +123,7 @@ class Companion:
         path: The mission file.
         world: Goes on while the companion waits.
         send: Sends a message to the vehicle.
-        say: Takes the lines that the operator sees.
+        output: Takes the lines that the operator sees.
         arm: Arm it, and take off.
         resume: Go on with a flight that is under way.
         records: The folder of its records; None: it keeps none.
@@ -134,7 +134,7 @@ class Companion:
         flight: The shell that flies.
         node: Its node in the team.
         exit_code: How `air-router fly` would have ended; None: it has not.
-        outcome: In words.
+        outcome: As text.
         report: What `--json` prints.
     """
 
@@ -143,7 +143,7 @@ class Companion:
         path: Path,
         world: World,
         send: Send,
-        say: Callable[[str], None],
+        output: Callable[[str], None],
         *,
         arm: bool = True,
         resume: bool = False,
@@ -155,7 +155,7 @@ class Companion:
         self._result_first = result_first
         self._loop = SimulatedLoop(world)
         self._send = send
-        self._status = _Status(say, self._loop.time)
+        self._status = _Status(output, self._loop.time)
         self.exit_code: int | None = None
         self.outcome = ""
         self.report: Mapping[str, Any] = {}
@@ -198,7 +198,7 @@ class Companion:
             result = self._loop.run_until_complete(self.flight.run())
         except AirRouterError as error:
             self.exit_code, self.outcome = error.exit_code, str(error)
-        except Exception as error:  # noqa: BLE001 - it is what the program would have ended with
+        except Exception as error:  # noqa: BLE001 - the program would have ended with it
             self.exit_code, self.outcome = _CRASHED, f"{type(error).__name__}: {error}"
         else:
             self.exit_code, self.outcome = result.exit_code, result.outcome
@@ -225,7 +225,7 @@ class Companion:
 
     def _bury(self) -> None:
         """Let its coroutines end where they cannot move anything any more."""
-        self._status.tell = lambda _text: None
+        self._status.output = lambda _text: None
         self._recorder.close()
         self._loop.world = World(self._loop.time())
         if self._link is not None:
@@ -240,11 +240,11 @@ class Companion:
 
 
 class _Status(StatusLine):
-    """The operator's screen; `tell` takes its lines."""
+    """The operator's screen; `output` takes its lines."""
 
-    def __init__(self, say: Callable[[str], object], clock: Callable[[], float]) -> None:
+    def __init__(self, output: Callable[[str], object], clock: Callable[[], float]) -> None:
         super().__init__(monotonic=clock)
-        self.tell = say
+        self.output = output
 
     def _write(self, text: str) -> None:
-        self.tell(text.rstrip("\n"))
+        self.output(text.rstrip("\n"))

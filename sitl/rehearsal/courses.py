@@ -116,7 +116,7 @@ def carry_out(scheduled: ScheduledFault, *doers: object) -> None:
 
 
 def placed(rows: Iterable[Row], phase: str, later_s: float) -> Schedule:
-    """A schedule; what does not say when in a flight it happens, so long after a phase began."""
+    """A schedule; a row without a phase gets this one, and comes so much later."""
     schedule = itertools.starmap(ScheduledFault, rows)
     return [m if m.phase else m._replace(at_s=m.at_s + later_s, phase=phase) for m in schedule]
 

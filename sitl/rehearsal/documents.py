@@ -234,7 +234,7 @@ def _plain(zones: list[_Zone], rng: random.Random) -> str:
 def _openair(zones: list[_Zone], rng: random.Random) -> str:
     """OpenAir: feet above the sea, degrees and minutes, nautical miles; a flight level below.
 
-    Limits of circles are in metres, and say so.
+    Limits of circles are in metres, with the unit.
     """
     lines = []
     for zone in zones:
@@ -281,7 +281,7 @@ def _kml(zones: list[_Zone], rng: random.Random) -> str:
                 f"<outerBoundaryIs><LinearRing><coordinates>{text}</coordinates></LinearRing>"
                 "</outerBoundaryIs></Polygon>"
             )
-            if zone.name.startswith("passed"):  # else the extrusion says it alone
+            if zone.name.startswith("passed"):  # else only the extrusion has it
                 data |= {"upper_m": round(zone.upper_m, 2)}
             else:
                 data = {}

@@ -57,7 +57,7 @@ class Kind(NamedTuple):
     """A row of the table of faults.
 
     Attributes:
-        words: Its line in the report.
+        description: Its line in the report.
         flights: How many of it a whole rehearsal has; 0: only one with the real programs has any.
         course: What happens.
         turns: Or one of these, by turns: each seed the next.
@@ -74,7 +74,7 @@ class Kind(NamedTuple):
         parameters: Of the vehicle.
     """
 
-    words: str
+    description: str
     flights: int
     course: Course = steps()
     phase: str = ""
@@ -112,7 +112,7 @@ class Fault(Enum):
     LOSS_20 = Kind("20 % of all packets lost", 16, loss=0.2)
     BURSTS = Kind("bursts of loss: all packets for 0.5 to 5 s, again and again", 16)
     LATE = Kind("commands arrive up to 4 s late", 12, late_s=4.0)
-    OLD = Kind("what the vehicle says comes up to 2 s late", 12, old_s=2.0)
+    OLD = Kind("the vehicle's messages come up to 2 s late", 12, old_s=2.0)
     SILENCE = Kind("vehicle silent for 0.5 to 55 s", 20, courses.silence)
     BRIEF_STREAM = Kind("one stream lost, frozen, late or wrong for 3 s", 30, courses.brief)
     LOST_POSITION = Kind("position lost, frozen, late or wrong", 24, stream(*POSITION))
@@ -129,7 +129,7 @@ class Fault(Enum):
         "satellites lost for good, and PX4 sets home anew", 8, courses.satellites_gone
     )
     FOREIGN = Kind(
-        *("a gimbal, another companion and another vehicle speak on its link", 12),
+        *("a gimbal, another companion and another vehicle send on its link", 12),
         one("foreign", uniform(5.0, 40.0)),
     )
     POOR_FIX = Kind(
@@ -153,7 +153,7 @@ class Fault(Enum):
         *(takeovers.other_autopilot, "ready"),
     )
     TYPE_CHANGES = Kind(
-        "what is on the link says that it is another type of vehicle",
+        "the vehicle on the link reports another type",
         *(8, one("airframe", choice(*takeovers.NO_MULTICOPTERS))),
     )
     TWINS = Kind(
@@ -263,23 +263,23 @@ class Fault(Enum):
     )
     KILL = Kind("companion killed for good", 12, one("kill"))
     BATTERY = Kind("battery falls fast", 16, one("battery", uniform(60.0, 400.0)))
-    BATTERY_LIES = Kind("battery falls fast and says otherwise", 12, courses.lie)
+    BATTERY_LIES = Kind("battery falls fast and reports otherwise", 12, courses.lie)
     BATTERY_DROPS = Kind("battery falls to its reserve at once", 6, one("glitch", (20, 1e9)))
-    BATTERY_GLITCH = Kind("battery says 0 % or far too little for a moment", 12, courses.glitches)
+    BATTERY_GLITCH = Kind("battery reports 0 % or far too little, briefly", 12, courses.glitches)
     # Robots.
     VANISH = Kind("robots vanish", 10, one("vanish"))
     ONE_DEAD = Kind(
         "another UAV seeks the same robots, and dies", 8, one("other uav", uniform(5, 60)), "climb"
     )
     MAD_ROBOTS = Kind(
-        "robots tell nonsense: future, NaN, jumps, zones", 20, courses.mad_robots, "climb"
+        "robots send nonsense: future, NaN, jumps, zones", 20, courses.mad_robots, "climb"
     )
     JUMPING_POSES = Kind(
         "robots are hostile: their positions jump five times a second",
         *(4, one("mad", "sway"), "climb"),
     )
     WEAK_LINKS = Kind(
-        *("links are slow, break, or are heard of falsely; robots drive", 12),
+        *("links are slow, break, or are reported falsely; robots drive", 12),
         mission={"timers": {"init_s": 8, "explore_s": 6, "search_s": 10, "communicate_s": 10}},
     )
     GOALS = Kind(
@@ -337,10 +337,10 @@ class Fault(Enum):
             "timers": {"init_s": 400, "search_s": 10, "communicate_s": 10, "revisit_s": 120},
         },
     )
-    LANDED_HERE = Kind("asked to land where it holds", 6, requests.landed_here, "INIT")
+    LANDED_HERE = Kind("requested to land where it holds", 6, requests.landed_here, "INIT")
     ZONE_BELOW = Kind("a zone is drawn below its landing", 6, requests.landed_on, "INIT")
     ALTITUDES = Kind(
-        *("asked to hold at other altitudes", 6, requests.altitudes, "INIT"),
+        *("requested to hold at other altitudes", 6, requests.altitudes, "INIT"),
         mission={"altitudes_m": [30, 60]},
     )
     HOME_FOR_GOOD = Kind("requests on a way home for a fault", 10, requests.home_for_good, "INIT")
@@ -358,7 +358,7 @@ class Fault(Enum):
         "a mission in metres of an origin of its own", 3, document=documents.in_local_metres
     )
     WINDY = Kind(
-        *("wind from one side, heard of", 4),
+        *("wind from one side, which is reported", 4),
         document=documents.with_way_home,
         streams=_WIND,
         parameters={"EKF2_DRAG_CTRL": 1},
@@ -397,7 +397,7 @@ class Fault(Enum):
         mission={"duration_s": 400},
     )
     LANDED_AT = Kind(
-        *("asked to land over low zones, at other altitudes", 6, inspections.landed_at, "INIT"),
+        *("requested to land over low zones, at other altitudes", 6, inspections.landed_at, "INIT"),
         document=documents.over_low_zones,
         mission={"duration_s": 260},
     )
@@ -422,7 +422,7 @@ class Fault(Enum):
         },
     )
     POSES_CARRIED = Kind(
-        *("robots drive away, and others tell where they are", 6, inspections.carried, "INIT"),
+        *("robots drive away, and others send their positions", 6, inspections.carried, "INIT"),
         mission={
             "timers": {"init_s": 10, "explore_s": 6, "search_s": 8, "communicate_s": 5},
             "duration_s": 260,
@@ -438,14 +438,14 @@ class Fault(Enum):
         document=documents.as_it_is,
     )
     CLAIMS = Kind(
-        "other systems and components speak as the autopilot", 12, inspections.claims, "INIT"
+        "other systems and components send as the autopilot", 12, inspections.claims, "INIT"
     )
     ASKED_EVERYWHERE = Kind(
-        *("everything is asked for in every state", 24, inspections.asked_everywhere),
+        *("every request is sent in every state", 24, inspections.requested_everywhere),
         mission={"timers": {"init_s": 30, "explore_s": 30, "search_s": 20, "communicate_s": 15}},
     )
     ASKED_IN_IDLE = Kind(
-        *("everything is asked for while nothing is left to do", 6, inspections.asked_in_idle),
+        *("every request is sent while nothing is left to do", 6, inspections.requested_in_idle),
         waypoints=2,
         mission={
             "duration_s": 420,
@@ -454,9 +454,9 @@ class Fault(Enum):
     )
     # Two at once, and what only the real programs fly.
     TWO = Kind("two of these at once", 40)
-    MOVED_LINK = Kind("the vehicle is heard from another port", 0)
+    MOVED_LINK = Kind("the vehicle's messages come from another port", 0)
     HOSTILE = Kind("strangers send noise, and messages of other vehicles", 0)
-    TWO_VEHICLES = Kind("a second vehicle speaks on the same radio", 0)
+    TWO_VEHICLES = Kind("a second vehicle sends on the same radio", 0)
 
     def __reduce_ex__(self, _: object) -> tuple[object, ...]:
         """By its name: courses do not go from process to process."""

@@ -15,11 +15,11 @@ _MORE: Final = ("waypoints", "speed", "altitude", "timers", "margin", "reserve")
 SENDERS: Final = ((1, 100), (1, 154), (1, 240), (2, 1), (42, 1), (2, 191), (1, 0), (0, 1))
 """System and component: camera, gimbal and radio of the vehicle, and other vehicles."""
 
-SAID: Final = (
+CLAIMS: Final = (
     *("return", "land", "disarmed", "emergency", "mode", "elsewhere", "empty", "no fix"),
     *("landed", "item", "home", "target"),
 )
-"""What strangers say of the vehicle, falsely."""
+"""What strangers claim about the vehicle, falsely."""
 
 VERBS: Final = ("hold", "seek", "explore", "home", "land", "goto", "altitude", "reload", "resume")
 _STATES: Final = ("climb", "INIT", "SEARCH", "COMM", "EXPL", "HOME", "LAND")
@@ -96,27 +96,27 @@ def file_changed(rng: random.Random) -> Iterator[Row]:
 
 
 def landed_at(rng: random.Random) -> Iterator[Row]:
-    """Asked to land wherever it holds, at other altitudes, over what ends below them."""
+    """Requested to land wherever it holds, at other altitudes, over zones that end below them."""
     for turn in range(5):
         at_s = 6.0 + 34.0 * turn
         yield at_s, "over low", None
-        yield at_s + 12.0, "ask", "hold"
-        yield at_s + 17.0, "ask", "land"
-        yield at_s + 19.0, "ask", f"altitude {rng.uniform(30.0, 60.0):.0f}"
-        yield at_s + 31.0, "ask", "land"
+        yield at_s + 12.0, "request", "hold"
+        yield at_s + 17.0, "request", "land"
+        yield at_s + 19.0, "request", f"altitude {rng.uniform(30.0, 60.0):.0f}"
+        yield at_s + 31.0, "request", "land"
 
 
 def of_two(rng: random.Random) -> Iterator[Row]:
     """The second of two UAVs: sent about, also over the other's home, with a landing there."""
-    yield 4.0, "ask", "hold"
-    yield 9.0, "ask", "land"
+    yield 4.0, "request", "hold"
+    yield 9.0, "request", "land"
     yield 12.0, "to other home"
-    yield 40.0, "ask", "hold"
-    yield 45.0, "ask", "land"
+    yield 40.0, "request", "hold"
+    yield 45.0, "request", "land"
     yield 48.0, "tour", (rng.choice((2, 3)), 3.0)
-    yield 85.0, "ask", "hold"
-    yield 91.0, "ask", "land"
-    yield 95.0, "ask", "resume"
+    yield 85.0, "request", "hold"
+    yield 91.0, "request", "land"
+    yield 95.0, "request", "resume"
 
 
 def of_two_redrawn(rng: random.Random) -> Iterator[Row]:
@@ -125,7 +125,7 @@ def of_two_redrawn(rng: random.Random) -> Iterator[Row]:
         yield 30.0 * turn + rng.uniform(2.0, 20.0), "move zone"
 
 
-def asked_everywhere(rng: random.Random) -> Iterator[Row]:
+def requested_everywhere(rng: random.Random) -> Iterator[Row]:
     """Every request in every state, by turns; then it goes on."""
     for state in _STATES:
         later_s = 0.3 if state in {"COMM", "LAND"} else rng.uniform(2.0, 6.0)
@@ -141,35 +141,35 @@ def asked_everywhere(rng: random.Random) -> Iterator[Row]:
             first, second = "goto", "resume"
         if state == "EXPL" and rng.randrange(2):  # the last of them: it ends the mission
             first, second = "hold", "home"
-        yield later_s, "ask for", first, state
-        yield later_s + rng.uniform(1.5, 9.0), "ask for", second, state
+        yield later_s, "request verb", first, state
+        yield later_s + rng.uniform(1.5, 9.0), "request verb", second, state
         if state not in {"climb", "HOME", "LAND"}:
-            yield later_s + 16.0, "ask for", rng.choice(_GOING_ON), state
+            yield later_s + 16.0, "request verb", rng.choice(_GOING_ON), state
 
 
-def asked_in_idle(rng: random.Random) -> Iterator[Row]:
+def requested_in_idle(rng: random.Random) -> Iterator[Row]:
     """With nothing left to explore, and no robot due, the operator sends this and that."""
     verbs = ["goto", "seek", "hold"]
     rng.shuffle(verbs)
     for turn, verb in enumerate(verbs):
         at_s = 3.0 + 26.0 * turn
-        yield at_s, "ask for", verb, "IDLE"
-        yield at_s + 12.0, "ask for", "resume", "IDLE"
-    yield 85.0, "ask for", "home", "IDLE"
+        yield at_s, "request verb", verb, "IDLE"
+        yield at_s + 12.0, "request verb", "resume", "IDLE"
+    yield 85.0, "request verb", "home", "IDLE"
 
 
 def claims(rng: random.Random) -> Iterator[Row]:
-    """Other systems and components say this and that, as the vehicle's autopilot would."""
-    words, at_s = list(SAID), 0.0
-    rng.shuffle(words)
+    """Other systems and components send false messages as the vehicle's autopilot."""
+    claims, at_s = list(CLAIMS), 0.0
+    rng.shuffle(claims)
     for turn in range(36):
         at_s += rng.uniform(1.0, 6.0)
-        yield at_s, "claim", (words[turn % len(words)], rng.choice(SENDERS))
+        yield at_s, "claim", (claims[turn % len(claims)], rng.choice(SENDERS))
 
 
 def carried(rng: random.Random) -> Iterator[Row]:
     """Robots drive away by turns, are received from near only, and send positions of others."""
-    yield 0.0, "hard to hear", 25.0
+    yield 0.0, "short range", 25.0
     yield 0.0, "carry"
     for turn in range(9):
         yield 16.0 * turn + rng.uniform(4.0, 12.0), "drive away", (turn, rng.random())
@@ -177,6 +177,6 @@ def carried(rng: random.Random) -> Iterator[Row]:
 
 def forged(rng: random.Random) -> Iterator[Row]:
     """Robots hand over messages of others, true and forged."""
-    yield 70.0, "hard to hear", 8.0
+    yield 70.0, "short range", 8.0
     for turn in range(7):
         yield 11.0 * turn, "forge", rng.choice(("new", "new", "old", "own", "unknown"))

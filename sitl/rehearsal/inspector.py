@@ -65,13 +65,13 @@ class Inspector:
     def _send(self, places: list[Pair]) -> None:
         if self._operator.ours:
             points = map(self._operator.point, places)
-            self._operator.do_ask(goto(self._flight.mission, points), _HOLD_S)
+            self._operator.do_request(goto(self._flight.mission, points), _HOLD_S)
 
     # Old positions
 
     def do_stale_corner(self, age_s: float) -> None:
         """Send it around a corner when its position has not come for so long."""
-        self._operator.do_ask("hold")
+        self._operator.do_request("hold")
         operator, flight = self._operator, self._flight
 
         def set_out() -> bool:
@@ -139,37 +139,37 @@ class Inspector:
                 autopilot.reposition(place, None)
                 return
 
-    def do_ask_on_the_way(self, _: object) -> None:
-        """Ask for it while it moves."""
+    def do_resume_on_the_way(self, _: object) -> None:
+        """Request it while it moves."""
         operator = self._operator
 
-        def ask() -> bool:
+        def resume() -> bool:
             fast = math.hypot(*operator.velocity_m_s) > FAST_M_S
             if fast and operator.pilot and operator.flies:
                 operator.resume(after_s=0.0)
                 return True
             return False
 
-        operator.wait_for(ask)
+        operator.wait_for(resume)
 
     # Requests
 
-    def do_ask_for(self, verb: str) -> None:
-        """Ask for something by its verb."""
+    def do_request_verb(self, verb: str) -> None:
+        """Send a request of this verb, its parameters at random."""
         rng, operator = self._rng, self._operator
         if operator.pilot:
             return
         match verb:
             case "seek":
-                operator.do_ask(f"seek {rng.choice(self._robots)}")
+                operator.do_request(f"seek {rng.choice(self._robots)}")
             case "goto":
                 place = operator.space.in_sight(operator.here, rng)
                 if place is not None:
-                    operator.do_ask(goto(self._flight.mission, [operator.point(place)]), 3.0)
+                    operator.do_request(goto(self._flight.mission, [operator.point(place)]), 3.0)
             case "altitude":
-                operator.do_ask(f"altitude {rng.uniform(35.0, 50.0):.1f}")
+                operator.do_request(f"altitude {rng.uniform(35.0, 50.0):.1f}")
             case _:
-                operator.do_ask(verb)
+                operator.do_request(verb)
 
     # What is on board
 

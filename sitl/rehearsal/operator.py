@@ -39,7 +39,7 @@ Moment = Callable[[], bool]
 
 
 class Operator:
-    """Asks the companion of a flight for things.
+    """Sends requests to the companion of a flight.
 
     Args:
         flight: Where.
@@ -61,8 +61,8 @@ class Operator:
         self.pilot = False
 
     @property
-    def asks_on(self) -> bool:
-        """Whether it goes on asking for the vehicle."""
+    def keeps_requesting(self) -> bool:
+        """Whether it still requests the vehicle."""
         return self._resumes_s < math.inf
 
     @property
@@ -77,16 +77,16 @@ class Operator:
         self._waiting += [
             (until_s, moment) for until_s, moment in waiting if now_s < until_s and not moment()
         ]
-        self._go_on_asking(now_s)
+        self._request_again(now_s)
 
     # Requests
 
-    def do_ask(self, text: str, hold_s: float | None = None, *, waits: bool = False) -> None:
-        """Type something to the companion, if there is one.
+    def do_request(self, text: str, hold_s: float | None = None, *, waits: bool = False) -> None:
+        """Type a request to the companion, if there is one.
 
         Args:
             text: As an operator does.
-            hold_s: Of points: how long to hover at the last, as programs may say.
+            hold_s: Of points: how long to hover at the last, as programs may request.
             waits: Of points: it waits for its time instead of being refused.
         """
         companion = self._flight.companion
@@ -95,16 +95,16 @@ class Operator:
             return
         if isinstance(request, GoTo):
             request = replace(request, hold_s=hold_s, waits=waits)
-        words = text if hold_s is None else f"{text} hold_s={hold_s}"
-        self._flight.happened(SceneEventKind.REQUEST, words)
+        typed = text if hold_s is None else f"{text} hold_s={hold_s}"
+        self._flight.happened(SceneEventKind.REQUEST, typed)
         self._flight.call(lambda: companion.flight.commands.submit(request))
 
-    def do_request(self, choice: float) -> None:
-        """An operator sends a request, but never for the pilot's vehicle."""
+    def do_random_request(self, choice: float) -> None:
+        """Send a random request, but none for a vehicle that the pilot has."""
         if not self.pilot:
             mission, here = self._flight.mission, self._flight.place
             text, hold_s, waits = request_of(choice, self._rng, mission, here)
-            self.do_ask(text, hold_s, waits=waits)
+            self.do_request(text, hold_s, waits=waits)
 
     def do_tour(self, tour: tuple[int, float | None]) -> None:
         """Send it to so many points, each in sight of the one before; how long to hover there."""
@@ -113,11 +113,11 @@ class Operator:
             place = self.space.in_sight(places[-1], self.haste)
             places += [] if place is None else [place]
         if len(places) > 1:
-            self.do_ask(goto(self._flight.mission, map(self.point, places[1:])), hold_s)
+            self.do_request(goto(self._flight.mission, map(self.point, places[1:])), hold_s)
 
     def do_send(self, seconds: float) -> None:
         """Send it somewhere that it sees, some seconds after a hold."""
-        self.do_ask("hold")
+        self.do_request("hold")
         self.later(seconds, self._send)
 
     def do_send_again(self, _: None) -> None:
@@ -127,7 +127,7 @@ class Operator:
 
     def do_corner(self, brakes_s: float | None) -> None:
         """Send it somewhere, and on its way around a corner; so long after it began to brake."""
-        self.do_ask("hold")
+        self.do_request("hold")
         self.later(_STANDS_S, lambda: self._set_out(brakes_s))
 
     def do_deaf(self, on: bool) -> None:
@@ -137,12 +137,12 @@ class Operator:
             self._flight.link.trouble(Way.UP, name, StreamFault.LOST, until_s)
 
     def resume(self, after_s: float, *, upload: bool = False) -> None:
-        """Ask for the vehicle from then on until it is ours, with our plan if that is wanted."""
+        """Request the vehicle from then on until it is ours, with our plan if that is wanted."""
         self._upload = self._upload or upload
         self._resumes_s = self._flight.now_s + after_s
         self._resumes_until_s = self._flight.now_s + _PATIENCE_S
 
-    def _go_on_asking(self, now_s: float) -> None:
+    def _request_again(self, now_s: float) -> None:
         """The operator repeats it until the vehicle is ours: it may be too low, or in a zone."""
         companion = self._flight.companion
         if now_s < self._resumes_s:
@@ -153,7 +153,7 @@ class Operator:
             self._resumes_s = math.inf  # it cannot be: the pilot keeps it
         else:
             self._resumes_s = now_s + _RESUME_S
-            self.do_ask("resume upload" if self._upload else "resume")
+            self.do_request("resume upload" if self._upload else "resume")
 
     def _send(self) -> bool:
         place = self.space.in_sight(self.here, self.haste)
@@ -174,7 +174,7 @@ class Operator:
             if math.dist(self.here, turn.at) > _AT_M or speed_m_s < FAST_M_S or not self.ours:
                 return False
             if brakes_s is not None:
-                self.do_ask("hold")
+                self.do_request("hold")
             if brakes_s:
                 self.later(brakes_s, self._around)
             else:
@@ -223,7 +223,7 @@ class Operator:
         return self._flight.mission.frame.to_local(*self.space.mission.frame.degrees(*place))
 
     def _go_to(self, place: Pair) -> None:
-        self.do_ask(goto(self._flight.mission, [self.point(place)]))
+        self.do_request(goto(self._flight.mission, [self.point(place)]))
 
     def later(self, seconds: float, what: Moment) -> None:
         """Do something after so long, again and again until it is done."""

@@ -120,7 +120,7 @@ class Pilot:
 
     def do_busy(self, on: bool) -> None:
         """A station begins to download the plan, and leaves it at that until it is over."""
-        self._flight.stations.beside.say("MISSION_REQUEST_LIST" if on else "MISSION_ACK")
+        self._flight.stations.beside.send("MISSION_REQUEST_LIST" if on else "MISSION_ACK")
 
     def _taken(self, how: str) -> None:
         self._operator.pilot = True
@@ -205,7 +205,7 @@ class Pilot:
         """The operator requests the vehicle while the pilot still flies it in another mode."""
         free = self._flight.autopilot.mode in {FlightMode.AUTO_LOITER, FlightMode.AUTO_MISSION}
         if self._operator.pilot and self._operator.flies and not free:
-            self._operator.do_ask(self._rng.choice(("resume", "home", "explore")))
+            self._operator.do_request(self._rng.choice(("resume", "home", "explore")))
 
     def do_take_back(self, _: None) -> None:
         """The operator has our plan put on board again, and the flight resumed."""

@@ -50,7 +50,7 @@ def _place(rng: random.Random, mission: Mission, here: Point) -> Point:
 corners: Final = often("corner", 4, uniform(20.0, 35.0), choice(None, 0.0, 0.6, 0.7))
 """Around a corner at once, or so long after the hold."""
 
-at_random: Final = often("request", 25, uniform(1.0, 12.0), lambda d: d.random())
+at_random: Final = often("random request", 25, uniform(1.0, 12.0), lambda d: d.random())
 
 
 def sent(rng: random.Random) -> Iterator[Row]:
@@ -61,11 +61,11 @@ def sent(rng: random.Random) -> Iterator[Row]:
     yield 0.0, "carry"
     yield 0.0, "tour", (rng.choice((2, 3, 4)), rng.choice((None, 5.0, 12.0)))
     held_s = rng.choice((6.0, 20.0, 50.0, 500.0))
-    yield held_s, "ask", "hold"
-    yield held_s + rng.uniform(3.0, 8.0), "ask", "resume"
-    yield 100.0, "request", rng.choice((0.5, 0.6))
-    yield 104.0, "ask", "hold"
-    yield 110.0, "ask", "resume"
+    yield held_s, "request", "hold"
+    yield held_s + rng.uniform(3.0, 8.0), "request", "resume"
+    yield 100.0, "random request", rng.choice((0.5, 0.6))
+    yield 104.0, "request", "hold"
+    yield 110.0, "request", "resume"
 
 
 def explored(rng: random.Random) -> Iterator[Row]:
@@ -80,16 +80,16 @@ def explored(rng: random.Random) -> Iterator[Row]:
 def landed_here(rng: random.Random) -> Iterator[Row]:
     """Requests to hold, and to land: at first while it still moves, then while it hovers."""
     at_s = rng.uniform(4.0, 60.0)
-    yield at_s, "ask", "hold"
+    yield at_s, "request", "hold"
     for later_s in (0.3, rng.uniform(0.5, 1.2), 8.0, 11.0):
-        yield at_s + later_s, "ask", "land"
+        yield at_s + later_s, "request", "land"
 
 
 def landed_on(rng: random.Random) -> Iterator[Row]:
     """Requests to hold, and to land; a zone is drawn below it, and the pilot takes it at last."""
     at_s = rng.uniform(4.0, 60.0)
-    yield at_s, "ask", "hold"
-    yield at_s + 8.0, "ask", "land"
+    yield at_s, "request", "hold"
+    yield at_s + 8.0, "request", "land"
     yield at_s + rng.uniform(14.0, 22.0), "zone below", rng.uniform(8.0, 12.0)
     yield at_s + 52.0, "pilot", "AUTO_RTL"
 
@@ -100,13 +100,13 @@ def altitudes(rng: random.Random) -> Iterator[Row]:
     Held on its way down, too.
     """
     at_s = rng.uniform(4.0, 60.0)
-    yield at_s, "ask", "hold"
+    yield at_s, "request", "hold"
     for altitude_m in (rng.uniform(30.0, 60.0), 70.0, rng.uniform(30.0, 60.0), 25.0, 58.0):
         at_s += rng.uniform(6.0, 30.0)
-        yield at_s, "ask", f"altitude {altitude_m}"
-    yield at_s + 25.0, "ask", "altitude 32"
-    yield at_s + 31.0, "ask", "hold"  # on its way down
-    yield at_s + 45.0, "ask", "resume"
+        yield at_s, "request", f"altitude {altitude_m}"
+    yield at_s + 25.0, "request", "altitude 32"
+    yield at_s + 31.0, "request", "hold"  # on its way down
+    yield at_s + 45.0, "request", "resume"
 
 
 def home_for_good(rng: random.Random) -> Iterator[Row]:
@@ -117,4 +117,5 @@ def home_for_good(rng: random.Random) -> Iterator[Row]:
     else:
         yield from ((float(second), "drift", (0.0, 0.0, 0.3)) for second in range(30))
     for again in range(12):
-        yield ends_s + 2.0 + 2.5 * again, "request", rng.choice((0.1, 0.3, 0.5, 0.6, 0.8, 0.9))
+        drawn = rng.choice((0.1, 0.3, 0.5, 0.6, 0.8, 0.9))
+        yield ends_s + 2.0 + 2.5 * again, "random request", drawn

@@ -112,7 +112,7 @@ class Scenario(World, ABC):
         self.companion: Companion | None = None
         self.after_order: Callable[[], object] = _nothing
         self._rng = scene.chance("stage")  # the generator's name: another would be other flights
-        self._speaker = Sender(1, COMPANION)
+        self._sender = Sender(1, COMPANION)
         self._step_at_s = self._tick_at_s = STEP_S  # when the vehicle, and the script, move on next
         self._stalled_until_s = self._deaf_from_s = math.inf  # of the companion; inf: it runs
         self._socket_s = SOCKET_S  # what the companion's socket keeps
@@ -232,7 +232,7 @@ class Scenario(World, ABC):
         self.happened(SceneEventKind.STARTED)
         arm = not (resume or self.scene.fault in BY_HAND)
         companion = self.companion = Companion(
-            *(self.file.path, self, self.send, self._say),
+            *(self.file.path, self, self.send, self._print),
             arm=arm,
             resume=resume,
             records=self._logs,
@@ -302,14 +302,14 @@ class Scenario(World, ABC):
 
     def send(self, name: str, fields: Mapping[str, Any]) -> None:
         """The companion sends a message to the vehicle."""
-        vehicle, speaker = self.vehicle, self._speaker
+        vehicle, sender = self.vehicle, self._sender
 
         def arrive(arrived: Mapping[str, Any]) -> None:
-            vehicle.receive(vehicle.onboard, speaker.pack_values(name, arrived))
+            vehicle.receive(vehicle.onboard, sender.pack_values(name, arrived))
             self.after_order()
 
         arrives = self.link.send(Way.UP, name, fields, self.now_s, arrive)
-        self._record(speaker, name, fields, delivered=arrives)
+        self._record(sender, name, fields, delivered=arrives)
 
     def _step(self) -> None:
         self._step_at_s = round(self._step_at_s + STEP_S, 6)
@@ -347,7 +347,9 @@ class Scenario(World, ABC):
             self._seen.received.append(WireMessage(self.now_s, 1, 1, 0, name, fields))
             self._inbox.append(functools.partial(companion.receive, name, fields))
 
-    def hears_foreign(self, sender: tuple[int, int], name: str, fields: Mapping[str, Any]) -> None:
+    def receive_foreign(
+        self, sender: tuple[int, int], name: str, fields: Mapping[str, Any]
+    ) -> None:
         """Another component sends on the companion's link."""
         companion = self.companion
         if companion is not None and not self._stalls:
@@ -361,7 +363,7 @@ class Scenario(World, ABC):
                 "target_component": receiver.component_id,
             }
             fields = {**target, "type": 0, "mission_type": kind, "opaque_id": plan_id}
-            self.hears_foreign((1, 1), "MISSION_ACK", fields)
+            self.receive_foreign((1, 1), "MISSION_ACK", fields)
 
     def _tick(self) -> None:
         companion, autopilot = self.companion, self.autopilot
@@ -427,7 +429,7 @@ class Scenario(World, ABC):
         """Where the vehicle really is, in the mission's frame."""
         return self.mission.frame.to_local(*true_degrees(self.autopilot))
 
-    def _say(self, text: str) -> None:
+    def _print(self, text: str) -> None:
         self._seen.lines.append(AnnouncedLine(self.now_s, text))
 
     def _record(

@@ -55,7 +55,7 @@ class SimulatedFlight(Scenario):
         )
         self._jump = (0.0, 0.0)  # north and east, m: sum of the jumps
         self._other_until_s = -math.inf  # so long another UAV is received
-        self._foreign_until_s = -math.inf  # so long others speak on the link
+        self._foreign_until_s = -math.inf  # until then others send on the link
 
     def let_happen(self) -> bool:
         """See `Scenario`."""
@@ -71,8 +71,8 @@ class SimulatedFlight(Scenario):
             self._announce_the_other()
         if now_s < self._foreign_until_s:
             for sender, name, fields in foreign_messages(now_s):
-                self.hears_foreign(sender, name, fields)
-        return bool(self.agenda.due) or self._operator.asks_on
+                self.receive_foreign(sender, name, fields)
+        return bool(self.agenda.due) or self._operator.keeps_requesting
 
     # The vehicle's own
 
@@ -197,13 +197,13 @@ class SimulatedFlight(Scenario):
         """The battery reports so much more charge."""
 
         def lie(fields: dict[str, Any], _rng: object) -> dict[str, Any]:
-            said = min(100, fields["battery_remaining"] + round(share * 100))
-            return {**fields, "battery_remaining": said}
+            reported = min(100, fields["battery_remaining"] + round(share * 100))
+            return {**fields, "battery_remaining": reported}
 
         self.link.trouble(Way.DOWN, "SYS_STATUS", StreamFault.WRONG, math.inf, wrong=lie)
 
     def do_glitch(self, what: tuple[int, float]) -> None:
-        """The battery says for a moment that so many percent are left; its voltage is as before."""
+        """The battery reports so many percent for a moment; its voltage is as before."""
         percent, seconds = what
         self.link.trouble(
             *(Way.DOWN, "SYS_STATUS", StreamFault.WRONG, self.now_s + seconds),
@@ -216,7 +216,7 @@ class SimulatedFlight(Scenario):
         self.agenda.add(self.now_s + seconds, ScheduledFault(0.0, "clock"))
 
     def do_clock(self, _: None) -> None:
-        """It talks again, two seconds after its start."""
+        """The vehicle sends again, two seconds after its start."""
         self.link.silent = False
         self.link.booted_s = self.now_s - 2.0
 
@@ -236,7 +236,7 @@ class SimulatedFlight(Scenario):
             self.link.trouble(Way.DOWN, name, kind, until_s, late_s=late_s, wrong=wrong)
 
     def do_foreign(self, seconds: float) -> None:
-        """Others speak on the companion's link for so long."""
+        """Others send on the companion's link for so long."""
         self._foreign_until_s = self.now_s + seconds
 
     def do_reject(self, for_good: int) -> None:
@@ -262,7 +262,7 @@ class SimulatedFlight(Scenario):
     # Robots
 
     def do_vanish(self, _: None) -> None:
-        """No robot is heard any more."""
+        """No robot is received any more."""
         self.robots.places.clear()
 
     def do_carry(self, _: None) -> None:
@@ -270,12 +270,12 @@ class SimulatedFlight(Scenario):
         self.robots.carry = True
 
     def do_mad(self, how: str) -> None:
-        """Robots tell nonsense."""
+        """Robots send nonsense."""
         self.robots.hostile = how == "sway"
         self.robots.prank = prank_of(how, self.mission, self._fault_rng, self._unix_s)
 
     def do_other_uav(self, seconds: float) -> None:
-        """Another UAV is heard of for so long."""
+        """Another UAV is announced for so long."""
         self._other_until_s = self.now_s + seconds
 
     def _unix_s(self) -> float:

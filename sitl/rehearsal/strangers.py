@@ -1,4 +1,4 @@
-"""What strangers say to the companion of a rehearsed flight: other systems, components, robots."""
+"""False messages to the companion of a flight: from other systems, components and robots."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _LOWER_MM: Final = 15_000
 _OLD_S: Final = 40.0
 _SENSORS: Final = ("present", "enabled", "health")
 _BEATS: Final = 3
-"""So often it is said, one after the other: what is heard once may be taken for noise."""
+"""Messages sent in a row: a single one may be taken for noise."""
 
 
 class ImpersonatedState(NamedTuple):
-    """Of the vehicle that is spoken of.
+    """Of the vehicle that is impersonated.
 
     Attributes:
         latitude_e7: Where it is, in 1e-7 degrees.
@@ -40,7 +40,7 @@ class ImpersonatedState(NamedTuple):
 
 
 def false_messages(state: ImpersonatedState) -> dict[str, tuple[str, Mapping[str, Any]]]:
-    """Messages of a vehicle that is elsewhere, and does something else, by what they say."""
+    """Messages of a vehicle that is elsewhere, and does something else, by what they claim."""
     there = {"lat": state.latitude_e7 + _ELSEWHERE_E7, "lon": state.longitude_e7 - _ELSEWHERE_E7}
     boot, high = {"time_boot_ms": state.boot_ms}, state.amsl_mm - _LOWER_MM
     moving = {"vx": 0, "vy": 0, "vz": 0, "hdg": 9000}
@@ -80,7 +80,7 @@ def _heartbeat(mode: int, base_mode: int = _ARMED, status: int = _ACTIVE) -> Map
 
 
 class Strangers:
-    """Says what is none of the vehicle's, and what robots have no right to say.
+    """Sends messages in the vehicle's name, and poses in the names of other robots.
 
     Args:
         flight: Where.
@@ -91,8 +91,8 @@ class Strangers:
         self._rng = flight.scene.chance("strangers")
 
     def do_claim(self, what: tuple[str, tuple[int, int]]) -> None:
-        """Another system or component speaks as the vehicle's autopilot does."""
-        words, sender = what
+        """Another system or component sends as the vehicle's autopilot."""
+        claim, sender = what
         autopilot = self._flight.autopilot
         latitude_deg, longitude_deg = self._flight.mission.frame.to_geodetic(self._flight.place)
         amsl_m = autopilot.place.altitude_m + autopilot.airframe.up_m
@@ -104,10 +104,10 @@ class Strangers:
             mode=autopilot.mode.custom_mode,
         )
         for _ in range(_BEATS):
-            self._flight.hears_foreign(sender, *false_messages(state)[words])
+            self._flight.receive_foreign(sender, *false_messages(state)[claim])
 
-    def do_hard_to_hear(self, radio_range_m: float) -> None:
-        """Robots are heard from so near only: a search lasts as long as it may."""
+    def do_short_range(self, radio_range_m: float) -> None:
+        """Robots are received only from so near: a search lasts as long as it may."""
         self._flight.robots.radio_range_m = radio_range_m
 
     def do_forge(self, how: str) -> None:

@@ -23,7 +23,7 @@ NO_PX4: Final = (0, 3)
 hand_back: Final = steps(
     (0.0, "pilot", choice(*_HELD)), (2.5, "too early"), (uniform(3.0, 10.0), "hand back")
 )
-"""The pilot takes over; the operator asks for it too early, then in time."""
+"""The pilot takes over; the operator requests it too early, then in time."""
 
 ZONES_TAKEN: Final[tuple[Course, ...]] = (
     chain(
@@ -56,10 +56,10 @@ plan_in_renewal: Final = steps((0.0, "reload", 25.0), (uniform(2.5, 8.0), "plan"
 """A station puts its plan on board while ours is being put there anew."""
 
 CHOSEN_BACK: Final[tuple[Course, ...]] = (
-    steps((0.0, "ask", "hold"), (6.0, "choose back"), (6.1, "ask", "resume")),
-    steps((0.0, "choose back"), (0.1, "ask", "hold")),
-    steps((0.0, "choose back"), (0.1, "request", 0.8)),
-    steps((0.0, "ask", "hold"), (8.0, "choose back"), (8.1, "ask", "land")),
+    steps((0.0, "request", "hold"), (6.0, "choose back"), (6.1, "request", "resume")),
+    steps((0.0, "choose back"), (0.1, "request", "hold")),
+    steps((0.0, "choose back"), (0.1, "random request", 0.8)),
+    steps((0.0, "request", "hold"), (8.0, "choose back"), (8.1, "request", "land")),
 )
 """The pilot chooses the mode of before as soon as a jump, a hold, a go-to or a landing of ours has
 begun, and before any message shows it."""
@@ -78,10 +78,10 @@ LISTS_AMONG_OURS: Final[tuple[Course, ...]] = (
     ),
 )
 """A station stores one of its lists as soon as one of ours is stored, and before the vehicle has
-said so: while we get ready, and while a changed fence is put on board."""
+reported that: while we get ready, and while a changed fence is put on board."""
 
 diverted_waiting: Final = steps(
-    *((0.0, "ask", "hold"), (6.0, "deaf", True), (6.1, "send again"), (6.3, "send again")),
+    *((0.0, "request", "hold"), (6.0, "deaf", True), (6.1, "send again"), (6.3, "send again")),
     *((uniform(6.5, 7.3), "divert now", uniform(20.0, 38.0)), (uniform(7.8, 8.3), "deaf", False)),
 )
 """A station sends it elsewhere in Hold while orders of ours wait for an answer of the vehicle."""
@@ -108,10 +108,10 @@ zone_above: Final = steps(
 hand_back_moving: Final = steps(
     (0.0, "pilot", "AUTO_LAND"),
     (uniform(9.0, 14.0), "low away", uniform(35.0, 60.0)),
-    (18.0, "ask on the way"),
+    (18.0, "resume on the way"),
     (30.0, "hand back"),
 )
-"""The pilot has it low, flies it elsewhere, and the operator asks for it while it moves."""
+"""The pilot has it low, flies it elsewhere, and the operator requests it while it moves."""
 
 ZONE_KINDS: Final = ("below", "above", "around", "across")
 """Where a zone applies, by the height of the vehicle that it is drawn over: everywhere the last."""
@@ -119,10 +119,10 @@ ZONE_KINDS: Final = ("below", "above", "around", "across")
 _ZONE_AT: Final[dict[str, tuple[Row, ...]]] = {
     "climb": ((0.0, "pilot", "AUTO_LAND"), (uniform(14.0, 20.0), "hand back")),
     "cruise": (),
-    "hold": ((0.0, "ask", "hold"),),
-    "home": ((0.0, "ask", "home"),),
-    "descent": ((0.0, "ask", "hold"), (8.0, "ask", "land")),
-    "landing": ((0.0, "ask", "hold"), (8.0, "ask", "land")),
+    "hold": ((0.0, "request", "hold"),),
+    "home": ((0.0, "request", "home"),),
+    "descent": ((0.0, "request", "hold"), (8.0, "request", "land")),
+    "landing": ((0.0, "request", "hold"), (8.0, "request", "land")),
 }
 """What a vehicle does when a zone is drawn over it, and what has it do that."""
 
@@ -192,7 +192,7 @@ def misplaced(rng: random.Random) -> Iterator[Row]:
 
 
 def silence_taken(rng: random.Random) -> Iterator[Row]:
-    """The pilot chooses while nothing is heard; perhaps the operator draws a zone meanwhile."""
+    """The pilot chooses while nothing is received; perhaps the operator draws a zone meanwhile."""
     lasts_s = rng.choice((8.0, 20.0, 40.0))
     yield 0.0, "silent", True
     yield rng.uniform(0.5, lasts_s - 1.0), "pilot", rng.choice(SURE)
@@ -202,7 +202,7 @@ def silence_taken(rng: random.Random) -> Iterator[Row]:
 
 
 SOCKETS_S: Final = (0.63, 20.0)
-"""What a socket keeps by default of a PX4's messages, and what it is asked to keep."""
+"""What a socket keeps by default of a PX4's messages, and what it can be set to keep."""
 
 
 def stalled_taken(rng: random.Random) -> Iterator[Row]:
@@ -218,9 +218,9 @@ def stalled_taken(rng: random.Random) -> Iterator[Row]:
         case 1:
             yield due_s, "reload", rng.uniform(-5.0, 25.0)
         case 2:
-            yield due_s, "ask", "hold"
+            yield due_s, "request", "hold"
         case 3:
-            yield due_s, "ask", "home"
+            yield due_s, "request", "home"
         case _:
             yield due_s, "send again"
     yield taken_s, "pilot", rng.choice(SURE)
@@ -237,7 +237,7 @@ def left_behind(rng: random.Random) -> Iterator[Row]:
     """A zone is drawn over it, and left; it comes home without its plan, and seems to be in it."""
     yield 0.0, "reload", 0.0
     yield rng.uniform(2.5, 3.5), "plan", "other"
-    yield 18.0, "ask", "home"
+    yield 18.0, "request", "home"
     yield 18.5, "mislead", 9.0
     yield 45.0, "pilot", "AUTO_RTL"
 
@@ -254,7 +254,7 @@ def doubted_among(rng: random.Random) -> Iterator[Row]:
     up_m_s = rng.choice((-0.3, 0.3))
     yield from ((float(second), "drift", (0.0, 0.0, up_m_s)) for second in range(30))
     yield 1.0, "zone homeward", rng.choice(("below", "above"))
-    yield 9.0, "ask", "hold"
+    yield 9.0, "request", "hold"
     yield rng.uniform(13.0, 16.0), "zone at", ("hold", rng.choice(("below", "above")))
 
 
@@ -263,7 +263,7 @@ def doubted_walled(rng: random.Random) -> Iterator[Row]:
     yield 0.0, "enclose above"
     yield from ((25.0 + second, "drift", (0.0, 0.0, -0.3)) for second in range(22))
     if rng.randrange(2):
-        yield 85.0, "ask", "home"
+        yield 85.0, "request", "home"
     else:
         yield 0.0, "battery", rng.uniform(500.0, 540.0)
 
@@ -280,7 +280,7 @@ def taken_in_haste(rng: random.Random) -> Iterator[Row]:
     at_s = rng.uniform(2.0, 5.0)
     yield 0.0, "send", at_s - 1.5
     yield at_s - 1.6, "deaf", True
-    yield at_s - 0.8, *(("send again",) if rng.randrange(2) else ("ask", "hold"))
+    yield at_s - 0.8, *(("send again",) if rng.randrange(2) else ("request", "hold"))
     yield at_s, "pilot", rng.choice(SURE)
     yield at_s + rng.choice((0.05, 0.5)), "deaf", False
 
@@ -297,7 +297,7 @@ HELD_IN_HASTE: Final[tuple[Course, ...]] = (
     ),
     chain(
         (0.0, "deaf", True),
-        (0.1, "ask", "hold"),
+        (0.1, "request", "hold"),
         (0.6, "pilot", "AUTO_RTL"),
         (uniform(1.05, 1.2), "pilot", "AUTO_MISSION"),
         (6.0, "deaf", False),
@@ -319,7 +319,7 @@ def diverted(rng: random.Random) -> Iterator[Row]:
     """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
     at_s = rng.uniform(40.0, 140.0)
     later_s = [at_s + rng.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
-    yield at_s, "ask", "hold", "armed"
+    yield at_s, "request", "hold", "armed"
     if rng.randrange(2):
         yield later_s[0], "pilot", rng.choice(("POSCTL", "ALTCTL")), "armed"
     else:

@@ -37,7 +37,7 @@ class ZoneDrawing:
 
     Args:
         flight: Where.
-        operator: Who draws, asks to read it again, and waits for moments.
+        operator: Who draws, requests a reload, and waits for moments.
         rng: Of the flight; drawings at the worst moment have a generator of their own.
     """
 
@@ -97,7 +97,7 @@ class ZoneDrawing:
         self._draw_circle(self._operator.point((east_m, north_m)), radius_m)
 
     def do_zone_below(self, radius_m: float) -> None:
-        """Draw a zone below it as it lands where it was asked to."""
+        """Draw a zone below it as it lands where requested."""
 
         def draw() -> bool:
             below_m = self._above_m - _BELOW_M
@@ -196,7 +196,7 @@ class ZoneDrawing:
             if math.hypot(*self._operator.here) < _FAR_M or self._reading is not None:
                 return False
             self.change(lambda: file.wall(self._flight.place, SIDES, lower_m=above_m))
-            self._operator.do_ask("hold")
+            self._operator.do_request("hold")
             return True
 
         self._operator.wait_for(draw)
@@ -220,7 +220,7 @@ class ZoneDrawing:
             return
         if draw():
             self._reading = (self._flight.now_s + _READ_S, zones)
-            self._operator.do_ask("reload")
+            self._operator.do_request("reload")
 
     @property
     def _zones_flown_by(self) -> object:

@@ -213,7 +213,7 @@ class TestBeforeItsPilotFlies:
         flight.program.wait_for("waiting for the pilot")
         flight.program.wait_for("the changed fence is on board")
         flight.relay.weather = Weather()
-        flight.relay.station().say("MISSION_REQUEST_LIST", mission_type=1)
+        flight.relay.station().send("MISSION_REQUEST_LIST", mission_type=1)
 
         def counts():
             return [m.fields["count"] for m in flight.passed("MISSION_COUNT") if m.target == 255]
@@ -330,7 +330,7 @@ def take_it_back(flight, uav):
 
 def test_a_flight_whose_fence_a_station_deleted_can_be_gone_on_with(flown):
     flight, uav = flown
-    flight.relay.station().say("MISSION_CLEAR_ALL", mission_type=1)
+    flight.relay.station().send("MISSION_CLEAR_ALL", mission_type=1)
     assert take_it_back(flight, uav), flight.program.printed
 
 

@@ -80,7 +80,7 @@ class Pilot:
     def climb(self):
         """To the mission's altitude, where it hovers."""
         here = {"x": NOWHERE, "y": NOWHERE, "z": self.home_amsl_m + ALTITUDE_M}
-        self.station.say("COMMAND_INT", command=192, param1=-1.0, param2=1.0, **here)
+        self.station.send("COMMAND_INT", command=192, param1=-1.0, param2=1.0, **here)
 
     def _send(self, sender, name, fields):
         with self._lock:
@@ -95,7 +95,7 @@ class Pilot:
         while not self._stop.is_set():
             if time.monotonic() >= beats_s:
                 beats_s = time.monotonic() + BEAT_S
-                self.station.say("HEARTBEAT", type=6, autopilot=8, system_status=4)
+                self.station.send("HEARTBEAT", type=6, autopilot=8, system_status=4)
                 self.station.sticks()
                 self.station.command(512, 0.0)
             with contextlib.suppress(TimeoutError, ConnectionError):

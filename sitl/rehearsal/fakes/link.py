@@ -196,7 +196,7 @@ class Link:
 
 
 def wrong_of(name: str, rng: random.Random) -> Wrong | None:
-    """What the messages of one name say that is not true; None: there is nothing to lie about."""
+    """The false values of messages of one name; None: that name has none."""
     if name == "GLOBAL_POSITION_INT":
         off = [round(rng.uniform(-30.0, 30.0) * _METRES_E7) for _ in range(2)]
         up_mm = round(rng.uniform(-8.0, 8.0) * 1e3)

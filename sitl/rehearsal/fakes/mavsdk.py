@@ -4,7 +4,7 @@ Nothing but MAVSDK's C++ library is replaced: time-outs, repetitions, heartbeats
 those of MAVSDK 4.1, messages are those that it would send.
 
 A MISSION_ACK reaches a companion twice: as the result of its transfer, and as the message itself by
-`MavlinkDirect`. MAVSDK's threads hand over either one first, and a scene says which.
+`MavlinkDirect`. MAVSDK's threads hand over either one first; the scene chooses which.
 """
 
 from __future__ import annotations
@@ -92,17 +92,17 @@ class StandIn(Px4Connection):
         self._waiting: deque[Callable[[], None]] = deque()  # for `MavlinkDirect`, in order
         self._listeners: defaultdict[str, list[Callable[[Fields], None]]] = defaultdict(list)
         self._direct: defaultdict[str, list[FromAny]] = defaultdict(list)
-        self._heard = asyncio.Event()  # a HEARTBEAT of the vehicle
+        self._connected = asyncio.Event()  # a HEARTBEAT of the vehicle was received
         self._tasks: list[asyncio.Task[None]] = []  # until it is closed
         self._transfers = asyncio.Lock()  # one at a time
-        self.listen("HEARTBEAT", lambda _: self._heard.set())
+        self.listen("HEARTBEAT", lambda _: self._connected.set())
 
     async def open(self) -> Plugins:
         """Wait for the vehicle's heartbeat, as MAVSDK does."""
         self.start(self._beat())
         try:
             async with asyncio.timeout(FIND_S):
-                await self._heard.wait()
+                await self._connected.wait()
         except TimeoutError:
             raise NoVehicleError(f"nothing received within {FIND_S:.0f} s") from None
         return Plugins(
@@ -208,30 +208,30 @@ class _Transfer:
         self._inbox: asyncio.Queue[tuple[str, Fields]] = asyncio.Queue()  # ours, of `_TRANSFER`
 
     def take(self, name: str, fields: Fields) -> None:
-        """The vehicle has said something about some transfer."""
+        """A message of the mission protocol was received from the vehicle."""
         to = (fields["target_system"], fields["target_component"])
         ours = to in {(self._link.system_id, COMPANION_COMPONENT), (0, 0)}
         if ours and fields.get("mission_type", 0) == self._type:
             self._inbox.put_nowait((name, fields))
 
     async def upload(self, items: Sequence[Fields]) -> MissionRawResult:
-        """Send items, as the vehicle asks for them."""
+        """Send items, as the vehicle requests them."""
         last = ("MISSION_COUNT", {"count": len(items), "opaque_id": 0})
         while True:
-            answer = await self._ask(*last, {"MISSION_REQUEST_INT"})
+            answer = await self._request(*last, {"MISSION_REQUEST_INT"})
             if isinstance(answer, MissionRawResult):
                 return answer
             last = ("MISSION_ITEM_INT", dict(items[answer["seq"]]))
 
     async def download(self) -> tuple[MissionRawResult, list[MissionItem]]:
-        """Ask for everything on board."""
-        begun = await self._ask("MISSION_REQUEST_LIST", {}, {"MISSION_COUNT"})
+        """Request everything on board."""
+        begun = await self._request("MISSION_REQUEST_LIST", {}, {"MISSION_COUNT"})
         if isinstance(begun, MissionRawResult):
             return begun, []
         items: list[MissionItem] = []
         while len(items) < begun["count"]:
             seq = {"seq": len(items)}
-            answer = await self._ask("MISSION_REQUEST_INT", seq, {"MISSION_ITEM_INT"}, seq)
+            answer = await self._request("MISSION_REQUEST_INT", seq, {"MISSION_ITEM_INT"}, seq)
             if isinstance(answer, MissionRawResult):
                 timed_out = answer is MissionRawResult.TIMEOUT
                 return (answer if timed_out else MissionRawResult.ERROR), []
@@ -242,14 +242,14 @@ class _Transfer:
 
     async def clear(self) -> MissionRawResult:
         """Delete everything on board."""
-        result = await self._ask("MISSION_CLEAR_ALL", {}, set())
+        result = await self._request("MISSION_CLEAR_ALL", {}, set())
         assert isinstance(result, MissionRawResult)  # noqa: S101 - nothing else was waited for
         return result
 
-    async def _ask(
+    async def _request(
         self, name: str, fields: dict[str, Any], names: set[str], wanted: Fields | None = None
     ) -> Fields | MissionRawResult:
-        """Send until one of these comes, with the wanted values; or how the transfer ended."""
+        """Send until one of these comes with the wanted values; or how the transfer ended."""
         for _ in range(_TRANSFER_REPEATS + 1):
             self._send(name, fields)
             try:

@@ -27,7 +27,7 @@ _FLOOD: Final = 300
 _LANDS, _ACTIVE, _EMERGENCY = 0x06040000, 4, 6  # of HEARTBEAT: AUTO, LAND; MAV_STATE
 
 Send = Callable[[Sender, str, Mapping[str, Any]], object]
-"""Takes a message: who says it, its name and its fields."""
+"""Takes a message: its sender, its name and its fields."""
 
 Answered = Callable[[Sender, int, int], object]
 
@@ -45,14 +45,14 @@ class Station:
         self._sender = Sender(system, _GROUND_CONTROL)
         self._send, self._vehicle = send, vehicle
 
-    def say(self, name: str, **fields: Any) -> None:
+    def send(self, name: str, **fields: Any) -> None:
         """Send a message to the vehicle; fields that are not given are 0."""
         self._send(self._sender, name, addressed(name, self._vehicle, fields))
 
     def command(self, number: int, *params: float) -> None:
         """A COMMAND_LONG."""
         fields = {f"param{n}": value for n, value in enumerate(params, start=1)}
-        self.say("COMMAND_LONG", command=number, **fields)
+        self.send("COMMAND_LONG", command=number, **fields)
 
     def choose(self, mode: FlightMode) -> None:
         """DO_SET_MODE."""
@@ -73,15 +73,15 @@ class Station:
     def move_home(self, latitude_deg: float, longitude_deg: float, amsl_m: float) -> None:
         """DO_SET_HOME to a place."""
         place = {"x": latitude_deg * 1e7, "y": longitude_deg * 1e7, "z": amsl_m, "frame": 5}
-        self.say("COMMAND_INT", command=_SET_HOME, **place)
+        self.send("COMMAND_INT", command=_SET_HOME, **place)
 
     def sticks(self, pitch: float = 0.0, roll: float = 0.0) -> None:
-        """The transmitter says where its sticks are, -1 to 1; throttle in the middle."""
-        self.say("MANUAL_CONTROL", x=pitch * 1000, y=roll * 1000, z=500)
+        """The transmitter sends the positions of its sticks, -1 to 1; throttle in the middle."""
+        self.send("MANUAL_CONTROL", x=pitch * 1000, y=roll * 1000, z=500)
 
     def set_parameter(self, name: str, value: float) -> None:
         """PARAM_SET of a real number."""
-        self.say("PARAM_SET", param_id=name, param_value=value, param_type=_REAL32)
+        self.send("PARAM_SET", param_id=name, param_value=value, param_type=_REAL32)
 
 
 class Stations:
@@ -89,8 +89,8 @@ class Stations:
 
     Args:
         vehicle: Theirs.
-        tell: Takes every message that they send, for the record.
-        answered: Takes what PX4 answers about a list that it has stored: to whom, its kind and id.
+        record: Takes every message that they send.
+        answered: Takes PX4's acknowledgement of a stored list: its receiver, kind and id.
 
     Attributes:
         first: The pilot's, too.
@@ -98,12 +98,12 @@ class Stations:
         beside: That one over the companion's own link.
     """
 
-    def __init__(self, vehicle: MavlinkVehicle, tell: Send, answered: Answered) -> None:
+    def __init__(self, vehicle: MavlinkVehicle, record: Send, answered: Answered) -> None:
         self._vehicle, self._answered = vehicle, answered
         self._plan_ids = 1 << 20  # counted up: no two plans look alike to the vehicle
 
         def send(link: MavlinkLink, sender: Sender, name: str, fields: Mapping[str, Any]) -> None:
-            tell(sender, name, fields)
+            record(sender, name, fields)
             vehicle.receive(link, sender.pack_values(name, fields))
 
         ground = functools.partial(send, vehicle.ground)
@@ -181,7 +181,7 @@ class Stations:
         if towards is not None:
             places = {n: i for n, i in enumerate(items) if i.command == Command.NAV_WAYPOINT}
             item = max(places, key=lambda n: self._along(places[n], towards), default=item)
-        self.first.say("MISSION_SET_CURRENT", seq=item)
+        self.first.send("MISSION_SET_CURRENT", seq=item)
         return True
 
     def _along(self, item: MissionItem, towards: tuple[float, float]) -> float:
@@ -227,21 +227,21 @@ def intrusion(kind: str, rng: random.Random) -> list[bytes]:
 GIMBAL, CAMERA, OTHER_COMPANION, OSD = 154, 100, 192, 201  # MAV_COMP_ID
 _POSITION_MODE: Final = 3 << 16
 FOREIGN: Final = ((1, GIMBAL), (1, OTHER_COMPANION), (1, CAMERA), (1, OSD), (2, 1))
-"""System id and component id of what speaks on the link of system 1 beside its autopilot."""
+"""System id and component id of the other senders on the link of system 1."""
 
 
 def foreign_messages(now_s: float) -> list[tuple[tuple[int, int], str, dict[str, Any]]]:
-    """What components of the same system, and another vehicle, say of themselves: by turns.
+    """Messages of components of the same system, and of another vehicle: by turns.
 
-    Each would end the flight, or have it hold, if it counted as the autopilot's.
+    Each would end the flight, or make it hold, if it counted as the autopilot's.
     """
-    said, turn = foreign_vocabulary(round(now_s * 1e3)), round(now_s * 10.0)
-    name, fields = said[turn % len(said)]
-    return [(FOREIGN[(turn // len(said)) % len(FOREIGN)], name, fields)]
+    messages, turn = foreign_vocabulary(round(now_s * 1e3)), round(now_s * 10.0)
+    name, fields = messages[turn % len(messages)]
+    return [(FOREIGN[(turn // len(messages)) % len(FOREIGN)], name, fields)]
 
 
 def foreign_vocabulary(boot_ms: int) -> tuple[tuple[str, dict[str, Any]], ...]:
-    """Names and fields of what they say: landed, disarmed, empty, elsewhere, in another mode."""
+    """Names and fields of their messages: landed, disarmed, empty, elsewhere, in another mode."""
     return (
         (
             "HEARTBEAT",

@@ -113,8 +113,8 @@ class NodeStandIn:
         """All of them."""
         return list(self._messages.values())
 
-    def tell(self, event: LinkEvent) -> None:
-        """Something happens on a link."""
+    def notify(self, event: LinkEvent) -> None:
+        """Report an event of a link to the flight."""
         if self._listener is not None:
             self._listener(event)
 
@@ -125,7 +125,7 @@ class NodeStandIn:
             header = Header.at(0, 0, round(now_s * 1e3))
             stored = Message(robot, topic, header, Priority.HIGH, data, now_s, now_s)
             self._messages[(robot, topic)] = stored
-            self.tell(MessageStored(peer, now_s, robot, topic, header, _SIZE))
+            self.notify(MessageStored(peer, now_s, robot, topic, header, _SIZE))
 
 
 Prank = Callable[[str, Point], list[CarriedMessage]]
@@ -190,8 +190,8 @@ class Robots:
             self._false_at_s = now_s + _FALSE_S
             name = self.weak.choice(list(self._synced_s))  # it is reported near, for a moment
             reading = Reading(_FALSE_DBM, Unit.DBM, "radio")
-            node.tell(ContactBegan(name, self.unix_s(), reading))
-            node.tell(ContactEnded(name, self.unix_s(), 1.0, "not heard"))
+            node.notify(ContactBegan(name, self.unix_s(), reading))
+            node.notify(ContactEnded(name, self.unix_s(), 1.0, "not heard"))
         for name in self.places:
             near = math.dist(self._place(name, now_s), vehicle) <= self.radio_range_m
             every_s = HASTY_S if self.hostile else SYNC_EVERY_S
@@ -200,7 +200,7 @@ class Robots:
                 self._synced_s[name] = now_s
                 for direction in (Direction.IN,) if self.hostile else Direction:
                     self._under_way.append(_Sync(name, direction, now_s, self._ends_s(now_s)))
-                    node.tell(SyncStarted(name, self.unix_s(), direction))
+                    node.notify(SyncStarted(name, self.unix_s(), direction))
             if any(sync.robot == name for sync in self._under_way):
                 self._go_on(node, name, now_s, near=near)
 
@@ -247,7 +247,7 @@ class Robots:
                 continue
             self._under_way.remove(sync)
             if not near or now_s < sync.ends_s:
-                node.tell(SyncTimedOut(name, self.unix_s(), sync.direction, "out of reach"))
+                node.notify(SyncTimedOut(name, self.unix_s(), sync.direction, "out of reach"))
                 continue
             carried: list[CarriedMessage] = []
             if sync.direction is Direction.IN:
@@ -257,7 +257,7 @@ class Robots:
                 node.take(name, carried)
             value = (name, sync.direction.value, sync.began_s, carried)
             self.happened(SceneEventKind.SYNCED, value)
-            node.tell(SyncEnded(name, self.unix_s(), sync.direction, 1, _SIZE, 0.1))
+            node.notify(SyncEnded(name, self.unix_s(), sync.direction, 1, _SIZE, 0.1))
 
     def _place(self, name: str, now_s: float) -> Point:
         east_m, north_m = self.places[name]

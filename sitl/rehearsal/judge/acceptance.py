@@ -19,7 +19,7 @@ class End(Enum):
     """How a flight ended."""
 
     LANDED = "landed at home"
-    ON_REQUEST = "landed where it was asked to"
+    ON_REQUEST = "landed where requested"
     PILOT = "held or landed by the pilot"
     FAILSAFE = "in the autopilot's failsafe"
     HOVERS = "hovers where its last leg ended"
@@ -81,8 +81,8 @@ _HEIGHT_OFF: Final = _row(
 ACCEPTED: Final = MappingProxyType(
     {
         # It comes home: where the estimate is off, the scene notes by how much, and excuses that;
-        # sticks that override nothing are nothing to the autopilot; nothing that robots or
-        # strangers say moves or ends a flight; nothing comes of a stream that is gone for a moment.
+        # sticks that override nothing are nothing to the autopilot; no message of robots or
+        # strangers moves or ends a flight; nothing comes of a stream that is gone for a moment.
         **dict.fromkeys(
             (
                 *("NONE", "JUMPS", "LOSS_1", "SILENCE", "BUSY", "BRIEF_STREAM", "LOST_BATTERY"),

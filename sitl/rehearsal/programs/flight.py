@@ -195,13 +195,13 @@ class RealFlight:
 
     def _is_left_alone(self) -> bool:
         """Whether the pilot has it for good and the companion waits for its landing."""
-        told = list(self._seen.events(SceneEventKind.PILOT, SceneEventKind.REQUEST))
-        taken = bool(told) and told[-1].what is SceneEventKind.PILOT  # and not given back since
+        events = list(self._seen.events(SceneEventKind.PILOT, SceneEventKind.REQUEST))
+        taken = bool(events) and events[-1].what is SceneEventKind.PILOT  # not given back since
         return not self._agenda.left and (taken or "-> PASSIVE" in self._companion.last)
 
     def _watch(self, now_s: float) -> None:
         """Note what was chosen when the vehicle shows it; it may have been refused."""
-        if self._sticks_moved_s is not None:  # from then on they are heard: else they are lost
+        if self._sticks_moved_s is not None:  # from then on they are sent: else they are lost
             from_s, until_s = self._sticks_moved_s
             moved = min((now_s - from_s) / _MOVE_S, 1.0) if from_s <= now_s < until_s else 0.0
             self._station.sticks(_MOVED * moved)
@@ -229,7 +229,7 @@ class RealFlight:
     # What is done, by the names of `scenes`.
 
     def do_pilot(self, value: str) -> None:
-        """The pilot chooses a mode; those of the sticks need sticks that are heard."""
+        """The pilot chooses a mode; those of the sticks need a transmitter that sends."""
         mode = FlightMode[value]
         if mode.needs_pilot:
             self._sticks_moved_s = self._sticks_moved_s or (math.inf, math.inf)
@@ -251,17 +251,17 @@ class RealFlight:
         self._await_mode(FlightMode.POSCTL, "sticks")
 
     def do_resume(self, _value: object) -> None:
-        """The operator asks it to go on."""
+        """The operator requests it to go on."""
         self._note(SceneEventKind.REQUEST, "resume")
         self._companion.signal(signal.SIGUSR2)
 
-    def do_ask(self, value: str) -> None:
+    def do_request(self, value: str) -> None:
         """The operator types a request."""
         self._note(SceneEventKind.REQUEST, value)
         self._companion.type(value)
 
     def do_silent(self, value: bool | None) -> None:
-        """Nothing passes, until it is said again."""
+        """Nothing passes, until this is switched off."""
         if value:
             self._note(SceneEventKind.FAULT, "silence")
         self._relay.weather.silent = bool(value)
@@ -281,7 +281,7 @@ class RealFlight:
     def do_fence(self, _value: None) -> None:
         """A station deletes the fence."""
         self._note(SceneEventKind.FENCE_CHANGED, "deleted")
-        self._station.say("MISSION_CLEAR_ALL", mission_type=MissionType.FENCE)
+        self._station.send("MISSION_CLEAR_ALL", mission_type=MissionType.FENCE)
 
     def do_plan(self, value: str) -> None:
         """A station uploads the plan again, or another one."""
@@ -344,7 +344,7 @@ class RealFlight:
         self._programs.start_again()
 
     def do_move_link(self, _value: object) -> None:
-        """The vehicle is heard from another port."""
+        """The vehicle's messages come from another port."""
         self._note(SceneEventKind.FAULT, "link moved")
         self._relay.move()
 
@@ -352,7 +352,7 @@ class RealFlight:
         """The operator draws a zone around a waypoint, and has the mission file read again."""
         draw_zone(self._file, self.scene.chance("zone"))
         self._note(SceneEventKind.MISSION_FILE, self._file.text)
-        self.do_ask("reload")
+        self.do_request("reload")
 
     def do_draw(self, _value: object) -> None:
         """The operator draws a zone while no companion is there to read it."""
@@ -363,20 +363,21 @@ class RealFlight:
         """The operator changes a number of the file and draws a zone, and has it read again."""
         self._file.rewrite(lambda document: document.update({value: document[value] * 2}))
         draw_zone(self._file, self.scene.chance("zone"))
-        asked_s, text = self._seen.time_s, self._file.text
-        self.do_ask("reload")
-        self._agenda.add(asked_s + _LEFT_S, ScheduledFault(_LEFT_S, "left", (asked_s, text, value)))
+        requested_s, text = self._seen.time_s, self._file.text
+        self.do_request("reload")
+        left = ScheduledFault(_LEFT_S, "left", (requested_s, text, value))
+        self._agenda.add(requested_s + _LEFT_S, left)
 
     def do_left(self, value: tuple[float, str, str]) -> None:
         """What was not taken of the file is taken out of it."""
-        asked_s, text, key = value
-        self._note(SceneEventKind.FILE_LEFT, (asked_s, text))
+        requested_s, text, key = value
+        self._note(SceneEventKind.FILE_LEFT, (requested_s, text))
         self._file.undo()
         self._file.rewrite(lambda document: document.update({key: document[key] / 2}))
 
     def do_claim(self, value: tuple[str, tuple[int, int]]) -> None:
-        """Another system or component speaks on the vehicle's link as its autopilot does."""
-        words, sender = value
+        """Another system or component sends on the vehicle's link as its autopilot."""
+        claim, sender = value
         seen = self._seen.samples[-1]
         state = ImpersonatedState(
             latitude_e7=round(seen.latitude_deg * 1e7),
@@ -385,7 +386,7 @@ class RealFlight:
             boot_ms=round(self._seen.clock_s * 1e3),
             mode=self._seen.mode,
         )
-        self._relay.claim(Sender(*sender).pack_values(*false_messages(state)[words]))
+        self._relay.claim(Sender(*sender).pack_values(*false_messages(state)[claim]))
 
     def do_second_vehicle(self, _value: object) -> None:
         """Another vehicle's messages come over the same radio."""

@@ -54,7 +54,7 @@ class Companion:
 
     Attributes:
         process: It.
-        lines: What it said.
+        lines: What it printed.
         outcome: Of its last JSON line, once it is closed; empty: there was none.
     """
 
@@ -85,9 +85,9 @@ class Companion:
         self._reader.start()
 
     def _read(self) -> None:
-        assert self.process.stderr is not None  # noqa: S101 - it was asked for
-        with self.process.stderr as said:
-            for line in said:
+        assert self.process.stderr is not None  # noqa: S101 - a pipe was requested
+        with self.process.stderr as printed:
+            for line in printed:
                 text = line.decode(errors="replace").rstrip()
                 self.lines.append(AnnouncedLine(self._now_s(), text))
 
@@ -102,9 +102,9 @@ class Companion:
         """Whether the process is gone."""
         return self.process.poll() is not None
 
-    def type(self, word: str) -> None:
+    def type(self, text: str) -> None:
         """As an operator at its terminal."""
-        self._keyboard.write(f"{word}\n".encode())
+        self._keyboard.write(f"{text}\n".encode())
 
     def signal(self, number: int) -> None:
         """Send it a signal, if it runs."""
@@ -112,7 +112,7 @@ class Companion:
             self.process.send_signal(number)
 
     def close(self) -> None:
-        """End it as a power failure does, and read what it has said."""
+        """End it as a power failure does, and read what it has printed."""
         self.process.kill()
         self.process.wait()
         self._reader.join(2.0)
@@ -128,8 +128,8 @@ def _last_object(lines: Iterable[bytes]) -> dict[str, Any]:
     last: dict[str, Any] = {}
     for line in lines:
         with contextlib.suppress(ValueError):
-            said = json.loads(line)
-            last = said if isinstance(said, dict) else last
+            found = json.loads(line)
+            last = found if isinstance(found, dict) else last
     return last
 
 
@@ -264,7 +264,7 @@ class Programs:
         return ready
 
     def _start(self, command: str, *options: str) -> dict[str, Any]:
-        """Start a vehicle; what it says when it is ready."""
+        """Start a vehicle; what it prints when it is ready."""
         self._vehicles.append(self._child(command, f"--speed={self.speed:g}", *options))
         return self._vehicles[-1].ready()
 
@@ -284,7 +284,7 @@ class Programs:
 
     @property
     def pace_source(self) -> str:
-        """Where they say how far they are, and the companion too."""
+        """Where they report how far they are, as does the companion."""
         return f"127.0.0.1:{self.relay.pace_port}"
 
     def hold(self, waits: bool) -> None:

@@ -23,7 +23,7 @@ ITEM_FIELDS: Final = (
     *("frame", "command", "current", "autocontinue", "param1", "param2", "param3", "param4"),
     *("x", "y", "z"),
 )
-"""What an item of a plan says, but for its number."""
+"""The fields of an item of a plan, but for its number."""
 
 _FROM_VEHICLE: Final = frozenset(
     {
@@ -56,9 +56,9 @@ class Recording(FlightRecord):
     Attributes:
         time_s: Simulated seconds.
         clock_s: The vehicle's own, which begins anew when it does.
-        mode: The vehicle's custom mode, as it said last.
-        armed: As it said last.
-        failsafe: Whether one acts, as it said last.
+        mode: The vehicle's custom mode, as it last reported.
+        armed: As it last reported.
+        failsafe: Whether one acts, as it last reported.
         ground_m: Where it stood first.
         above_m: Above that.
         received_s: The vehicle's clock in the newest position that reached the companion; infinite

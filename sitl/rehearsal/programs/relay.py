@@ -26,7 +26,7 @@ _VEHICLE, _STATION = 1, 255  # system ids
 _ACCEPTED: Final = 0  # MAV_MISSION_RESULT
 _COMMANDS: Final = frozenset({"COMMAND_LONG", "COMMAND_INT"})
 _READY_SPEED: Final = 1.0
-"""Times real time until it is armed: only from then on the companion says how far it is."""
+"""Times real time until it is armed: only from then on the companion reports how far it is."""
 
 
 @dataclass(slots=True)
@@ -64,7 +64,7 @@ class LossyRelay:
     Attributes:
         api_port: Where the vehicle sends its API link.
         truth_port: Where the vehicle sends its truth.
-        pace_port: Where vehicle, companion and team say how far they are.
+        pace_port: Where vehicle, companion and team report how far they are.
         weather: What is done to what passes; may be changed at any time.
         recording: What was seen.
         copy_truth_to: A port that gets the truth as well; 0: none.
@@ -121,11 +121,11 @@ class LossyRelay:
             self._api.sendto(data, self._vehicle)
 
     def station(self, system: int = _STATION) -> Station:
-        """A ground station that the vehicle hears through it."""
+        """A ground station whose messages reach the vehicle through it."""
         return Station(system, lambda sender, *message: self.inject(sender.pack_values(*message)))
 
     def upload(self, items: Sequence[Mapping[str, Any]], stored: Callable[[], object]) -> None:
-        """Have a station put a mission on board: the vehicle asks until it has `stored` it."""
+        """Have a station put a mission on board; `stored` is called once PX4 accepts it."""
         station = self.station()
 
         def answer(message: WireMessage) -> None:
@@ -137,10 +137,10 @@ class LossyRelay:
                 seq = int(message.fields["seq"])
                 if seq < len(items):
                     fields = {name: items[seq][name] for name in ITEM_FIELDS}
-                    station.say("MISSION_ITEM_INT", seq=seq, **fields)
+                    station.send("MISSION_ITEM_INT", seq=seq, **fields)
 
         self._answers = answer
-        station.say("MISSION_COUNT", count=len(items))
+        station.send("MISSION_COUNT", count=len(items))
 
     def intrude(self, data: bytes) -> None:
         """Send something to the companion, from a place where no vehicle is."""
@@ -148,11 +148,11 @@ class LossyRelay:
             intruder.sendto(data, self._companion)
 
     def claim(self, data: bytes) -> None:
-        """Send something to the companion from where the vehicle is heard."""
+        """Send something to the companion from the vehicle's own port."""
         self._outside.sendto(data, self._companion)
 
     def move(self) -> None:
-        """From now on the vehicle is heard from another port, as after a radio's restart."""
+        """From now on the vehicle's messages come from another port, as after a radio's restart."""
         old = self._outside
         self._outside = self._ends[2] = _bound(0)
         old.close()
@@ -198,7 +198,7 @@ class LossyRelay:
     def _keep_pace(self, wall_s: float) -> None:
         clock_s = self.recording.clock_s
         if clock_s == 0.0:
-            return  # it has not said yet where its clock is
+            return  # it has not reported its clock yet
         limit = self._pace.limit(clock_s, wall_s, self.recording.received_s)
         self._flown = self._flown or self.recording.armed
         speed = limit.most_speed if self._flown else _READY_SPEED
@@ -263,7 +263,7 @@ class LossyRelay:
             yield data
 
     def _deliver(self, data: bytes) -> None:
-        """What the vehicle says reaches the companion."""
+        """The vehicle's messages reach the companion."""
         self.recording.record_datagram(data)
         self._outside.sendto(data, self._companion)
 

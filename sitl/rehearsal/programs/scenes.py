@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 from sitl.rehearsal import (
     BATTERY,
     BRIEF_S,
+    CLAIMS,
     ITEM,
     LANDED,
     MODE,
     POSITION,
-    SAID,
     SATELLITES,
     SENDERS,
     Course,
@@ -72,7 +72,7 @@ _FLOWN_IN: Final = {
 }
 """Modes that a flight chooses itself in a state: a pilot who chooses them changes nothing."""
 
-_MEETING: Final = (1.0, "ask", "seek io", "INIT")
+_MEETING: Final = (1.0, "request", "seek io", "INIT")
 INTRUSIONS: Final = ("noise", "old boot", "other vehicle", "truncated", "flood")
 """What strangers send; see `stations.intrusion`."""
 
@@ -100,7 +100,7 @@ def _takeover(seed: int, rng: random.Random) -> Iterator[Row]:
     modes = [mode for mode in _CHOSEN if mode != _FLOWN_IN.get(state)]
     taken_s = rng.uniform(0.1, _COMM_S if state == "COMM" else 6.0)
     if state == "HOLD":
-        yield rng.uniform(2.0, 8.0), "ask", "hold", "INIT"
+        yield rng.uniform(2.0, 8.0), "request", "hold", "INIT"
     elif state in MEETINGS:
         yield _MEETING
     yield taken_s, "pilot", modes[turn % len(modes)], state
@@ -137,17 +137,22 @@ def _bursts(rng: random.Random) -> Iterator[Row]:
 
 
 def _landed(rng: random.Random) -> Iterator[Row]:
-    """Held, asked to land there, and on if that may not be."""
-    yield 0.0, "ask", "hold"
-    yield 8.0, "ask", "land"
-    yield 12.0 + rng.uniform(0.0, 3.0), "ask", "resume"
+    """Held, requested to land there, and on if that is refused."""
+    yield 0.0, "request", "hold"
+    yield 8.0, "request", "land"
+    yield 12.0 + rng.uniform(0.0, 3.0), "request", "resume"
 
 
-def _asked(rng: random.Random) -> Iterator[Row]:
+def _requested(rng: random.Random) -> Iterator[Row]:
     """Everything that needs no place, one after the other."""
     verbs = ["hold", "seek io", "explore", "resume", "land", "reload", "home"]
     rng.shuffle(verbs)
-    yield from ((6.0 * turn, "ask", verb) for turn, verb in enumerate(verbs))
+    yield from ((6.0 * turn, "request", verb) for turn, verb in enumerate(verbs))
+
+
+def _claim(rng: random.Random) -> tuple[str, tuple[int, int]]:
+    """A false message, and in whose name."""
+    return rng.choice(CLAIMS), rng.choice(SENDERS)
 
 
 class WireKind(NamedTuple):
@@ -156,7 +161,7 @@ class WireKind(NamedTuple):
     Attributes:
         flights: How many of it a whole rehearsal has.
         course: What happens.
-        begins_s: So many seconds after its phase began; None: the course says when.
+        begins_s: So many seconds after its phase began; None: the course has its times.
         phase: As in `ScheduledFault`.
     """
 
@@ -209,7 +214,7 @@ WIRE: Final[Mapping[Fault, WireKind]] = MappingProxyType(
         Fault.MAP_FILES: WireKind(4),
         Fault.LOCAL_METRES: WireKind(2),
         Fault.CLAIMS: WireKind(
-            8, steps(*[(_AT_ANY_TIME, "claim", lambda d: (d.choice(SAID), d.choice(SENDERS)))] * 30)
+            *(8, steps(*[(_AT_ANY_TIME, "claim", _claim)] * 30)),
         ),
         Fault.RESUMED_AMONG: WireKind(
             *(4, steps((0.0, "kill"), (1.0, "draw"), (uniform(3.0, 8.0), "restart"))),
@@ -219,7 +224,7 @@ WIRE: Final[Mapping[Fault, WireKind]] = MappingProxyType(
         Fault.FILE_CHANGED: WireKind(*(4, one("change", "speed_m_s")), uniform(2.0, 15.0), "INIT"),
         Fault.LANDED_AT: WireKind(4, _landed, uniform(4.0, 12.0), "INIT"),
         Fault.SECOND_UAV: WireKind(4, _landed, uniform(4.0, 12.0), "INIT"),
-        Fault.ASKED_EVERYWHERE: WireKind(8, _asked, uniform(1.0, 4.0), "INIT"),
+        Fault.ASKED_EVERYWHERE: WireKind(8, _requested, uniform(1.0, 4.0), "INIT"),
     }
 )
 """About three hundred and forty flights."""
@@ -243,7 +248,7 @@ class WireScene(Scene):
 
     @property
     def deafens(self) -> bool:
-        """Whether the companion hears nothing, or nothing new, for a while."""
+        """Whether the companion receives nothing, or nothing new, for a while."""
         return any(each.what in _DEAFENING for each in self.schedule())
 
     @property

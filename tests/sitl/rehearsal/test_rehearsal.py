@@ -37,7 +37,11 @@ def flown(fault, seed):
     [
         (Fault.PILOT, 2, End.PILOT),
         (Fault.UPLOAD, 1, End.STAYED),
-        (Fault.TWO, 298, End.STAYED),  # nothing is heard of the start, and it is not tried again
+        (
+            Fault.TWO,
+            298,
+            End.STAYED,
+        ),  # no answer to the start is received, and it is not tried again
         (Fault.DIVERTED, 4, End.PILOT),  # the first go-to is out of its fence, and refused
         (Fault.LOSS_20, 1, End.LANDED),  # the start shows in the instant in which its time is over
     ],
@@ -64,7 +68,7 @@ def test_a_flight_that_cannot_be_flown_is_not_good(tmp_path):
     assert (verdict.good, verdict.end) == (False, End.NOT)
 
 
-def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
+def test_a_companion_that_stands_still_sends_nothing_and_goes_on_later():
     evidence = flown(Fault.STOPPED, 2)
     assert judge(evidence).good
     stopped, going = (
@@ -72,9 +76,9 @@ def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
         for what in (SceneEventKind.STOPPED, SceneEventKind.CONTINUED)
     )
     assert going > stopped
-    said = [m.time_s for m in evidence.messages if m.component == 191]
-    assert not [at_s for at_s in said if stopped < at_s < going]
-    assert max(said) > going
+    sent_s = [m.time_s for m in evidence.messages if m.component == 191]
+    assert not [at_s for at_s in sent_s if stopped < at_s < going]
+    assert max(sent_s) > going
     samples = [s for s in evidence.samples if stopped < s.time_s < going]
     assert len(samples) == pytest.approx((going - stopped) * 25, abs=2)
 
@@ -105,8 +109,8 @@ def test_whatever_can_happen_happens(monkeypatch):
     ]
     monkeypatch.setattr(Scene, "schedule", lambda _: list(happen))
     evidence = SimulatedFlight(Scene(Fault.NONE, 0), PENNOVATION).fly()
-    told = {h.value for h in evidence.happenings if h.what is SceneEventKind.FAULT}
-    assert told >= {*kinds, *LAST} - {"reject"}
+    happened = {h.value for h in evidence.happenings if h.what is SceneEventKind.FAULT}
+    assert happened >= {*kinds, *LAST} - {"reject"}
     assert {
         SceneEventKind.PILOT,
         SceneEventKind.HOME_MOVED,
@@ -122,7 +126,7 @@ def test_a_rehearsal_is_flown_with_every_version_of_px4_and_most_with_the_newest
     assert min(flown.values()) > 0.09 * flown.total()
 
 
-def test_every_fault_has_flights_words_and_a_row_of_the_judge():
+def test_every_fault_has_flights_and_a_row_of_the_judge():
     whole = scenes()
     assert {scene.fault for scene in whole} == {fault for fault in Fault if fault.value.flights}
     assert {fault.name for fault in Fault} - {"TWO"} <= set(ACCEPTED)

@@ -1,4 +1,4 @@
-"""What the judge says of programs that are not flown as they should be."""
+"""The judge's verdict on programs that are not flown as they should be."""
 
 import os
 import socket
@@ -33,7 +33,7 @@ def test_a_companion_that_is_closed_twice_takes_no_other_flight_s_socket(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("said", "outcome"),
+    ("printed", "outcome"),
     [
         ('{"outcome": "landed at home"}', "landed at home"),
         ('starting\n{"outcome": "waits"}\n{"outcome": "landed at home"}\n', "landed at home"),
@@ -43,9 +43,9 @@ def test_a_companion_that_is_closed_twice_takes_no_other_flight_s_socket(tmp_pat
     ],
 )
 def test_a_companion_s_outcome_is_that_of_the_last_json_object_of_what_it_printed(
-    tmp_path, said, outcome
+    tmp_path, printed, outcome
 ):
-    prints = (sys.executable, "-c", f"print({said!r}, end='')")
+    prints = (sys.executable, "-c", f"print({printed!r}, end='')")
     companion = Companion(prints, [], tmp_path, lambda: 0.0)
     companion.process.wait()
     companion.close()

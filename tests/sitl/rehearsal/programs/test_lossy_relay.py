@@ -59,8 +59,8 @@ def test_it_passes_both_ways_and_writes_down_what_passes(ends):
     with LossyRelay(companion.getsockname()[1], 1) as relay:
         vehicle.sendto(truth(6.7, 1.0), ("127.0.0.1", relay.truth_port))
         vehicle.sendto(heartbeat(armed=True, status=5), ("127.0.0.1", relay.api_port))
-        said, relayed = companion.recvfrom(4096)
-        assert said == heartbeat(armed=True, status=5)
+        received, relayed = companion.recvfrom(4096)
+        assert received == heartbeat(armed=True, status=5)
         land = packed(lambda s: s.command_long_encode(1, 1, 21, 0, *[0] * 7), component=191)
         companion.sendto(land, relayed)
         assert vehicle.recvfrom(4096)[0] == land
@@ -145,7 +145,7 @@ def test_the_vehicle_waits_for_a_companion_that_is_behind_what_reached_it(ends):
     assert last is False  # a relay that has ended holds no vehicle
 
 
-def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
+def test_a_station_uploads_a_plan_as_the_vehicle_requests_it(ends):
     companion, vehicle = ends
     item = {"frame": 6, "command": 16, "current": 0, "autocontinue": 0, "x": 5, "y": 6, "z": 20.0}
     item |= {f"param{n}": 0.0 for n in range(1, 5)}
@@ -155,8 +155,8 @@ def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
         stored = SimpleQueue()
         relay.upload([item], lambda: stored.put(1))
         vehicle.recvfrom(4096)
-        ask = packed(lambda s: s.mission_request_int_encode(255, 190, 0, 0))
-        vehicle.sendto(ask, ("127.0.0.1", relay.api_port))
+        request = packed(lambda s: s.mission_request_int_encode(255, 190, 0, 0))
+        vehicle.sendto(request, ("127.0.0.1", relay.api_port))
         sent = mavlink.MAVLink(None).decode(bytearray(vehicle.recvfrom(4096)[0]))
         assert stored.empty()
         done = packed(lambda s: s.mission_ack_encode(255, 190, 0, 0))
