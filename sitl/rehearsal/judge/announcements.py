@@ -278,7 +278,7 @@ def robots_are_sought_in_turn(case: Case) -> Iterator[Violation]:
         name = names[-1]
         missed = [s for s, who in met if who == name and at_s < s < interval.end_s - _AT_ONCE_S]
         if missed:
-            yield Violation(missed[0], "state", f"{name} was heard, and is sought on")
+            yield Violation(missed[0], "state", f"{name} was received, and is sought on")
         seek = case.mission.seek
         if last in seek and name in seek and not _was_accepted(case, at_s, "it seeks"):
             start = seek.index(last) + 1
@@ -293,7 +293,7 @@ def all_waypoints_are_visited(case: Case) -> Iterator[Violation]:
     """Where the time is enough, each is visited in its turn, or announced as left out."""
     count = explored(case, math.inf)
     if case.row.explores and not case.given and count < len(case.mission.waypoints):
-        text = f"waypoint {count + 1} was neither visited in its turn nor told as left out"
+        text = f"waypoint {count + 1} was neither visited in its turn nor announced as left out"
         yield Violation(float(case.time_s[-1]), "state", text)
 
 
@@ -312,7 +312,7 @@ def what_is_resumed_is_known(case: Case) -> Iterator[Violation]:
         in_time = flown_s - early_s < float(found[1]) < flown_s + _LATE_S
         if int(found[2]) > most or not (in_time or "is not known" in found[3]):
             wrong = f"{found[0]}, but it flew {flown_s:.0f} s and was at {most} of them"
-            yield Violation(at_s, "told", wrong)
+            yield Violation(at_s, "report", wrong)
 
 
 def the_charge_covers_the_way_home(case: Case) -> Iterator[Violation]:
@@ -368,11 +368,11 @@ def the_report_is_what_happened(case: Case) -> Iterator[Violation]:
         ),
     }
     for pattern in (pattern for pattern, is_so in wrong.items() if is_so):
-        yield Violation(float(case.time_s[-1]), "told", f"the report says {pattern}")
+        yield Violation(float(case.time_s[-1]), "report", f"the report has {pattern}")
 
 
 def an_announced_hover_over_a_robot_is_one(case: Case) -> Iterator[Violation]:
-    """Asked for the robot of before, it hovers over it already in COMM only."""
+    """A request for the robot that it seeks is answered with "hovers already" in COMM only."""
     for at_s, text in case.texts:
         if _HOVERS_ALREADY.search(text) and case.state(at_s) != "COMM":
             yield Violation(at_s, "request", f"'{text.strip()}' in {case.state(at_s)}")
@@ -382,7 +382,7 @@ def no_leg_is_kept_back_in_a_calm_flight(case: Case) -> Iterator[Violation]:
     """Where nothing disturbs it, what was decided on is sent: its leg is as clear as it was."""
     for at_s, text in case.texts if case.evidence.faults <= _CALM else ():
         if _UNCLEAR in text:
-            yield Violation(at_s, "told", f"'{text.strip()}', in a flight without a disturbance")
+            yield Violation(at_s, "report", f"'{text.strip()}', in a flight without a disturbance")
 
 
 def running_motors_are_not_announced_as_stopped(case: Case) -> Iterator[Violation]:
@@ -393,7 +393,7 @@ def running_motors_are_not_announced_as_stopped(case: Case) -> Iterator[Violatio
             continue
         about = samples[case.at(at_s - _MOTORS_S) : case.at(at_s) + 1]
         if about and all(sample.armed and not sample.landed for sample in about):
-            yield Violation(at_s, "told", f"'{text.strip()}', while its motors run")
+            yield Violation(at_s, "report", f"'{text.strip()}', while its motors run")
 
 
 def what_no_pilot_takes_is_alarmed_of(case: Case) -> Iterator[Violation]:
@@ -411,4 +411,4 @@ def what_no_pilot_takes_is_alarmed_of(case: Case) -> Iterator[Violation]:
         if taken or not hovers or not case.could_react(begin_s, due_s, ours=False):
             continue
         if not case.has_announced("not flown by hand", begin_s, due_s):
-            yield Violation(due_s, "told", "no pilot takes it, and no alarm asks for one")
+            yield Violation(due_s, "report", "no pilot takes it, and no alarm requests one")

@@ -68,7 +68,7 @@ def nothing_leaves_on_a_mode_from_before_a_silence(case: Case) -> Iterator[Viola
                 and not repeats
                 and not _hold_requested(case, begin_s, message)
             ):
-                text = f"{message.name}, and no flight mode was heard since {begin_s:.1f} s"
+                text = f"{message.name}, and no flight mode was received since {begin_s:.1f} s"
                 yield Violation(message.time_s, "authority", text)
                 return
 
@@ -98,7 +98,7 @@ def a_choice_in_a_standstill_stands(case: Case) -> Iterator[Violation]:
             flies = announced_s < float(case.time_s[-1]) and bool(case.flying[case.at(announced_s)])
             if flies and not case.has_announced("hands off", stopped_s, announced_s):
                 text = f"a mode chosen at {choice.begin_s:.1f} s is not announced"
-                yield Violation(announced_s, "told", text)
+                yield Violation(announced_s, "report", text)
 
 
 def nothing_leaves_over_an_order_that_shows(case: Case) -> Iterator[Violation]:
@@ -118,7 +118,7 @@ def nothing_leaves_over_an_order_that_shows(case: Case) -> Iterator[Violation]:
         for message in motions:
             inside = _is_inside(case, case.at(message.time_s))
             if from_s < message.time_s < until_s and not inside:
-                text = f"{message.name} over another {choice.value}, heard of at {received_s:.1f} s"
+                text = f"{message.name} over another {choice.value}, received at {received_s:.1f} s"
                 yield Violation(message.time_s, "authority", text)
                 break
 
@@ -177,7 +177,7 @@ def what_is_handed_over_elsewhere_is_held(case: Case) -> Iterator[Violation]:
         where = f"{away_m:.0f} m from home at {above_m:.1f} m, where Mission mode was chosen"
         sent = [m.time_s for m in case.commands if is_motion(m) and m.time_s > from_s]
         if min(sent, default=math.inf) > min(from_s + _HELD_S, until_s):
-            yield Violation(from_s + _HELD_S, "held", f"not told to hold {where}")
+            yield Violation(from_s + _HELD_S, "held", f"no hold was commanded {where}")
         for message, _ in case.legs:
             if from_s < message.time_s < until_s:
                 yield Violation(message.time_s, "authority", f"a leg {where}")

@@ -165,7 +165,7 @@ def speeds_and_heights_are_the_plans(case: Case) -> Iterator[Violation]:
         speed_m_s = number(fields, "param2" if command == SPEED else "param1")
         limit_m_s = mission.speed_m_s + 0.1
         if speed_m_s > limit_m_s:
-            text = f"{speed_m_s:.1f} m/s, the plan says {limit_m_s:.1f}"
+            text = f"{speed_m_s:.1f} m/s, the plan has {limit_m_s:.1f}"
             yield Violation(message.time_s, "speed", text)
         above_m = number(fields, "z" if "z" in fields else "param7") - case.ground_m
         low_m, high_m = min(mission.altitudes_m) - slack_m, max(mission.altitudes_m) + slack_m
@@ -277,8 +277,8 @@ def what_is_drawn_across_a_leg_ends_it(case: Case) -> Iterator[Violation]:
             continue
         short = _falls_short(case, index, from_s, target)
         if short:
-            words = f"a leg is flown on, and nothing commanded, that now {short}"
-            yield Violation(from_s, "leg", words)
+            text = f"a leg is flown on, and nothing commanded, that now {short}"
+            yield Violation(from_s, "leg", text)
 
 
 def mission_mode_is_not_chosen_over_anothers_plan(case: Case) -> Iterator[Violation]:

@@ -51,11 +51,11 @@ def a_refused_file_is_answered_with_why(case: Case) -> Iterator[Violation]:
         if not changed:
             continue
         if not any(map(_WHY.search, texts)):
-            yield Violation(left.time_s, "told", "a changed file is left, and nothing is said why")
+            yield Violation(left.time_s, "report", "a changed file is refused without a reason")
         elif others and not any("changed as well" in line for line in texts if _WHY.search(line)):
             what = ", ".join(others)
             yield Violation(
-                left.time_s, "told", f"nothing is said of {what}, which changed as well"
+                left.time_s, "report", f"{what} changed as well, which is not announced"
             )
 
 

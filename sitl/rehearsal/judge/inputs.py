@@ -45,7 +45,7 @@ _STOOD_S, _OWN_LAG_S = 1.0, 1.0
 _ESCALATES_S: Final = 10.0
 _ALARM_S: Final = {"position": 2.0, "mode": 5.0, "satellites": 10.0}
 """From when on the vehicle stands, or is not commanded, for a lost stream: the pilot is alarmed;
-and so much later the pilot is asked to take the vehicle by hand."""
+and so much later an alarm requests the pilot to take the vehicle by hand."""
 
 _CLIMB_S: Final = 60.0
 """Within that time of leaving the ground the mission has begun."""
@@ -159,11 +159,11 @@ def silence_is_announced(case: Case) -> Iterator[Violation]:
     for before_s, after_s in itertools.pairwise([*times_s, *map(float, case.time_s[-1:])]):
         due_s = before_s + _SILENT_S * case.evidence.speed + case.reacts_s
         if after_s > due_s and case.could_react(before_s, due_s, ours=False):
-            incident = Incident(before_s, "nothing was heard any more")
+            incident = Incident(before_s, "nothing was received any more")
             yield from announces(case, incident, "nothing received|silent", due_s)
             again_s = due_s + _AGAIN_S * case.evidence.speed + case.reacts_s
             if after_s > again_s and case.could_react(before_s, again_s, ours=False):
-                more = Incident(due_s + 0.1, "nothing was heard for long")
+                more = Incident(due_s + 0.1, "nothing was received for long")
                 yield from announces(case, more, "nothing received|silent", again_s, 0.0)
 
 
@@ -172,7 +172,7 @@ def lost_streams_are_acted_on(case: Case) -> Iterator[Violation]:
     found = list(gaps(case))
     for gap in found:
         each, began_s = gap.of, gap.began_s
-        incident = Incident(began_s, f"the {each.name} was not heard any more")
+        incident = Incident(began_s, f"the {each.name} was not received any more")
         announced_s, stands_s, home_s = (
             gap.reached_s(age_s + case.reacts_s)
             for age_s in (each.announced_s, each.stands_s, each.home_s)
@@ -184,10 +184,10 @@ def lost_streams_are_acted_on(case: Case) -> Iterator[Violation]:
         yield from comes_home(case, incident, home_s, blind(found))
 
 
-def a_pilot_is_asked_to_fly_what_cannot_be_flown(case: Case) -> Iterator[Violation]:
-    """What stands for a lost stream is alarmed of; if that lasts, the pilot is to take it by hand.
+def lost_streams_are_alarmed_of(case: Case) -> Iterator[Violation]:
+    """A vehicle that stands for a lost stream raises an alarm; later the pilot is to take over.
 
-    And not so often that the alarm drowns all others.
+    The alarm does not come so often that it drowns all others.
     """
     for gap in gaps(case):
         stands_s = _ALARM_S.get(gap.of.name)
@@ -209,12 +209,12 @@ def a_pilot_is_asked_to_fly_what_cannot_be_flown(case: Case) -> Iterator[Violati
             if each.label == "ALARM" and gap.began_s <= each.time_s <= due_s
         )
         if not by_hand:
-            incident = Incident(gap.began_s, f"the {gap.of.name} was not heard any more")
-            yield Violation(due_s, "told", f"the pilot was not asked to fly it: {incident}")
+            incident = Incident(gap.began_s, f"the {gap.of.name} was not received any more")
+            yield Violation(due_s, "report", f"no alarm requested the pilot: {incident}")
         most = 3 + (float(gap.times_s[-1]) - gap.began_s) / _AGAIN_S
         if len(alarmed_s) > most:
             text = f"{len(alarmed_s)} alarms of the {gap.of.name} in one loss of it"
-            yield Violation(alarmed_s[-1], "told", text)
+            yield Violation(alarmed_s[-1], "report", text)
 
 
 def gaps(case: Case) -> Iterator[Gap]:
@@ -251,7 +251,7 @@ def updates(received: Sequence[WireMessage], numbers: Sequence[int]) -> Iterator
         yield at
 
 
-# What they say.
+# Values that were received.
 
 
 def _spans(
@@ -331,9 +331,9 @@ def _jumps(messages: Sequence[WireMessage], at_s: float) -> bool:
 
     Not where the voltage has fallen with it.
     """
-    told = [m for m in messages if at_s - _BELIEVED_S < m.time_s <= at_s]
-    percents = [number(m.fields, "battery_remaining") for m in told]
-    volts = [v for m in told if math.isfinite(v := number(m.fields, "voltage_battery"))]
+    recent = [m for m in messages if at_s - _BELIEVED_S < m.time_s <= at_s]
+    percents = [number(m.fields, "battery_remaining") for m in recent]
+    volts = [v for m in recent if math.isfinite(v := number(m.fields, "voltage_battery"))]
     sags = bool(volts) and volts[-1] < max(volts) * (1.0 - _SAGS)
     return max(percents) - percents[-1] > _JUMPS and not sags
 
@@ -345,13 +345,13 @@ def a_moment_of_no_charge_ends_nothing(case: Case) -> Iterator[Violation]:
         found = _TURNS.search(text)
         if found is None:
             continue
-        told = [m for m in messages if at_s - _BELIEVED_S < m.time_s <= at_s + 0.1]
-        percents = [number(m.fields, "battery_remaining") for m in told]
-        volts = [v for m in told if math.isfinite(v := number(m.fields, "voltage_battery"))]
+        recent = [m for m in messages if at_s - _BELIEVED_S < m.time_s <= at_s + 0.1]
+        percents = [number(m.fields, "battery_remaining") for m in recent]
+        volts = [v for m in recent if math.isfinite(v := number(m.fields, "voltage_battery"))]
         sags = bool(volts) and volts[-1] < max(volts) * (1.0 - _SAGS)
         jumped = any(before - after > _JUMPS for before, after in itertools.pairwise(percents))
         if jumped and max(percents) > float(found[1]) + _JUMPS and not sags:
-            wrong = f"comes home at {found[1]} %, {max(percents):.0f} % were told just before"
+            wrong = f"comes home at {found[1]} %, {max(percents):.0f} % were reported just before"
             yield Violation(at_s, "battery", wrong)
 
 
@@ -388,10 +388,10 @@ def a_failsafe_that_goes_on_to_another_mode_is_announced(case: Case) -> Iterator
     messages = case.received("HEARTBEAT")
     acts = [number(m.fields, "system_status") >= _CRITICAL for m in messages]
     for begin_s, end_s in _spans(messages, acts):
-        told = [m for m in messages if begin_s <= m.time_s <= end_s]
-        modes = [int(number(m.fields, "custom_mode")) for m in told]
+        during = [m for m in messages if begin_s <= m.time_s <= end_s]
+        modes = [int(number(m.fields, "custom_mode")) for m in during]
         for at, (before, mode) in enumerate(itertools.pairwise(modes), 1):
-            name, from_s = _NAMES.get(mode >> 24), told[at].time_s
+            name, from_s = _NAMES.get(mode >> 24), during[at].time_s
             due_s = from_s + case.reacts_s
             if before == mode or name is None or due_s > end_s or set(modes[at:]) != {mode}:
                 continue
@@ -416,7 +416,7 @@ def no_breach_is_claimed_without_a_position(case: Case) -> Iterator[Violation]:
     lost = _lost_fixes(case)
     for at_s, text in case.texts:
         if "breach of" in text and any(begin_s <= at_s <= end_s for begin_s, end_s in lost):
-            yield Violation(at_s, "told", f"'{text.strip()}', and its position is not known")
+            yield Violation(at_s, "report", f"'{text.strip()}', and its position is not known")
 
 
 def an_unknown_position_is_alarmed_of(case: Case) -> Iterator[Violation]:
@@ -454,19 +454,19 @@ def no_station_is_blamed_for_home(case: Case) -> Iterator[Violation]:
         return
     for at_s, text in case.texts:
         if "home was moved" in text:
-            yield Violation(at_s, "told", f"'{text.strip()}', and no station has moved it")
+            yield Violation(at_s, "report", f"'{text.strip()}', and no station has moved it")
 
 
 def a_companion_that_stood_still_announces_it(case: Case) -> Iterator[Violation]:
     """It measures that itself: what it then decides on is old."""
-    told = case.evidence.events
-    ends_s = [h.time_s for h in told(SceneEventKind.CONTINUED)]
-    for stop in told(SceneEventKind.STOPPED) if case.evidence.received else ():
+    events = case.evidence.events
+    ends_s = [h.time_s for h in events(SceneEventKind.CONTINUED)]
+    for stop in events(SceneEventKind.STOPPED) if case.evidence.received else ():
         on_s = next((s for s in ends_s if s > stop.time_s), math.inf)
         due_s = on_s + _OWN_LAG_S + case.reacts_s
         first, last = case.at(stop.time_s), case.at(due_s)
         flies = due_s < case.time_s[-1] and case.flying[first : last + 1].all()
-        over = any(on_s <= h.time_s <= due_s for h in told(SceneEventKind.ENDED))
+        over = any(on_s <= h.time_s <= due_s for h in events(SceneEventKind.ENDED))
         stood_s = (on_s - stop.time_s) / case.evidence.speed
         if stood_s >= _STOOD_S and flies and not over:
             yield from announces(

@@ -21,7 +21,7 @@ Zone = dict[str, Any]
 _FOOT_M: Final = 0.3048
 _NAUTICAL_MILE_M: Final = 1852.0
 _COLD, _LOW_M = 0.9, 600.0
-"""A flight level may lie so much lower than it says: a share of it, and metres."""
+"""A flight level may lie so much lower than its number: a share of it, and metres."""
 
 _UNITS: Final = MappingProxyType({"0": 1.0, "M": 1.0, "1": _FOOT_M, "FT": _FOOT_M, "F": _FOOT_M})
 _LEVELS: Final = frozenset({"6", "FL"})

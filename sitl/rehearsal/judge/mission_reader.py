@@ -95,7 +95,7 @@ class RawMission:
 
     Attributes:
         frame: Metres of home.
-        ground_amsl_m: Of the ground at home; None: the file does not say.
+        ground_amsl_m: Of the ground at home; None: not in the file.
         altitude_m: That it cruises at where a waypoint has no other.
         altitudes_m: All that it cruises at, or may be sent to, above home.
         waypoints: Where to, in metres.
@@ -109,7 +109,7 @@ class RawMission:
         speed_m_s: To cruise at.
         battery_reserve: Come home at this share of a full battery.
         duration_s: Come home so long after the take-off; infinite: when all is explored.
-        endurance_s: How long a full battery lasts in cruise; infinite: the file does not say.
+        endurance_s: How long a full battery lasts in cruise; infinite: not in the file.
         seek: Whom to seek in turn; empty: the file has no plain list.
         layer_top_m: So high above home another UAV's layer is nearer than its own.
         goals_from: The robots whose goals count.
@@ -189,7 +189,7 @@ def read_mission(  # noqa: PLR0913, PLR0917 - all that a file is read with
         path: Of the file; files that it names are searched for beside it.
         text: Its text, if that is not what is in the file now.
         uav: Which of several it is flown by.
-        ground_amsl_m: Height of the ground at home, where the file does not say.
+        ground_amsl_m: Height of the ground at home, where the file has none.
         flown: From when to when, Unix seconds: zones whose hours are not then are left out, those
             whose hours are then apply; None: they may apply.
         map_files: Texts of files that it names, by their paths.

@@ -254,7 +254,7 @@ def a_landing_that_is_accepted_is_begun(case: Case) -> Iterator[Violation]:
             for m in case.commands
         )
         if not (commanded or case.lands[case.at(due_s)]):
-            text = f"not told to land, though that was accepted at {obligation.at_s:.1f} s"
+            text = f"no landing was commanded, though it was accepted at {obligation.at_s:.1f} s"
             yield Violation(due_s, "request", text)
 
 
@@ -294,7 +294,8 @@ def it_comes_home_when_announced(case: Case) -> Iterator[Violation]:
             continue
         if case.row.notice_s and case.lands[case.at(at_s) :].any():
             continue  # over such a link it may take long
-        found = list(comes_home(case, Incident(at_s, "it says that it comes home"), at_s, lost))
+        incident = Incident(at_s, "it announced that it comes home")
+        found = list(comes_home(case, incident, at_s, lost))
         yield from (v for v in found if not any(at_s + 0.1 < s < v.time_s for s in requested_s))
 
 
@@ -311,4 +312,4 @@ def it_leaves_a_zone_when_announced(case: Case) -> Iterator[Violation]:
         near_m = min((room_m(area, here) for area in new), default=math.inf)
         reach_m = STOP_M + max((area.clearance_m for area in new), default=0.0)
         if near_m > reach_m + float(case.off_m[case.at(at_s)]) + case.row.room_m:
-            yield Violation(at_s, "told", f"'{text.strip()}', but nothing new is near")
+            yield Violation(at_s, "report", f"'{text.strip()}', but nothing new is near")

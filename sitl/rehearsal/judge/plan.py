@@ -105,11 +105,11 @@ def all_that_was_sent_is_read_back(case: Case) -> Iterator[Violation]:
     for kind in (MISSION, FENCE, RALLY):
         sent = [u for u in case.uploads if u.kind == kind and u.time_s < armed_s and u.items][-1:]
         read = {
-            int(told.fields["seq"])
-            for told in case.evidence.messages
-            if told.name == "MISSION_ITEM_INT" and told.component == AUTOPILOT
-            if told.fields.get("mission_type", MISSION) == kind
-            if sent and sent[0].time_s <= told.time_s < armed_s
+            int(read_back.fields["seq"])
+            for read_back in case.evidence.messages
+            if read_back.name == "MISSION_ITEM_INT" and read_back.component == AUTOPILOT
+            if read_back.fields.get("mission_type", MISSION) == kind
+            if sent and sent[0].time_s <= read_back.time_s < armed_s
         }
         missing = [seq for upload in sent for seq in range(len(upload.items)) if seq not in read]
         if missing and case.evidence.received:
@@ -120,16 +120,18 @@ def all_that_was_sent_is_read_back(case: Case) -> Iterator[Violation]:
 def what_was_read_back_is_what_was_sent(case: Case) -> Iterator[Violation]:
     """The items that the vehicle reports before it is armed are the items that were sent."""
     armed_s = _armed_s(case)
-    for told in case.evidence.messages if armed_s < math.inf else ():
-        if told.time_s > armed_s:
+    for read_back in case.evidence.messages if armed_s < math.inf else ():
+        if read_back.time_s > armed_s:
             return
-        if told.name != "MISSION_ITEM_INT" or told.component != AUTOPILOT:
+        if read_back.name != "MISSION_ITEM_INT" or read_back.component != AUTOPILOT:
             continue
-        kind, seq = told.fields.get("mission_type", MISSION), int(told.fields["seq"])
-        sent = _items_on_board(case, told.time_s, kind)
+        fields = read_back.fields
+        kind, seq = fields.get("mission_type", MISSION), int(fields["seq"])
+        sent = _items_on_board(case, read_back.time_s, kind)
         if seq >= len(sent):
             continue
-        away_m = math.dist(*(case.mission.frame.item_place(i.fields) for i in (sent[seq], told)))
+        places = (case.mission.frame.item_place(i) for i in (sent[seq].fields, fields))
+        away_m = math.dist(*places)
         if away_m > _PLACE_M:
             text = f"armed, though item {seq} on board is {away_m:.1f} m from where it was sent"
             yield Violation(armed_s, "plan", text)
@@ -222,7 +224,7 @@ def a_fence_is_changed_once_it_stands(case: Case) -> Iterator[Violation]:
         stops &= all(_stops(case, m) for m in late if m.time_s < message.time_s)
         speed_m_s = case.speed_m_s(max(index - 5, 0), index)
         if stops and case.cruises(index) and speed_m_s > _STANDS_M_S + case.row.room_m:
-            text = f"another fence is put on board at {speed_m_s:.1f} m/s, told to stop before"
+            text = f"another fence is put on board at {speed_m_s:.1f} m/s after a commanded stop"
             yield Violation(message.time_s, "plan", text)
 
 
@@ -325,10 +327,10 @@ def _flies_on(case: Case, time_s: float) -> bool:
 
 def _was_refused(case: Case, from_s: float, until_s: float) -> bool:
     """Whether the vehicle refused a transfer, or answered none, in that time."""
-    told = case.evidence.received or case.evidence.messages  # as it came to the companion
+    messages = case.evidence.received or case.evidence.messages  # as it came to the companion
     acks = [
         int(m.fields["type"])
-        for m in told
+        for m in messages
         if m.name == "MISSION_ACK" and m.component == AUTOPILOT and from_s <= m.time_s < until_s
     ]
     return not acks or any(acks)
@@ -346,12 +348,12 @@ def _differs(items: tuple[WireMessage, ...], frame: Frame, mission: RawMission) 
     needed = [zone.polygon for zone in level if not zone.periods]
     fences = [fence.polygon for fence in mission.fences]
     flown = _open(everywhere, *on_board)
-    asked = _open(everywhere, fences, needed)
-    more = _around_home(flown).difference(asked).buffer(-_AREA_M)
+    wanted = _open(everywhere, fences, needed)
+    more = _around_home(flown).difference(wanted).buffer(-_AREA_M)
     if not more.is_empty:
         return f"{more.area:.0f} m2 are open that the file closes"
     optional = shapely.union_all([zone.polygon for zone in level if zone.periods])
-    less = _around_home(asked).difference(flown.union(optional)).buffer(-_AREA_M)
+    less = _around_home(wanted).difference(flown.union(optional)).buffer(-_AREA_M)
     return f"{less.area:.0f} m2 are closed that the file opens" if not less.is_empty else ""
 
 

@@ -134,7 +134,7 @@ def announces(
 ) -> Iterator[Violation]:
     """The companion announces `pattern` by `due_s`, at most `before_s` before the incident."""
     if not case.has_announced(pattern, incident.began_s - before_s, due_s):
-        yield Violation(due_s, "told", f"not a word about it: {incident}")
+        yield Violation(due_s, "report", f"not announced: {incident}")
 
 
 def stands(
@@ -336,8 +336,8 @@ def all_points_are_flown_to(case: Case) -> Iterator[Violation]:
                 away_m = np.hypot(*(case.places[first:until] - place).T)
                 hits = np.flatnonzero(away_m <= near_m + case.off_m[first:until])
                 if not len(hits):
-                    text = f"no nearer than {away_m.min():.1f} m to point {count}, though it says"
-                    yield Violation(end_s, "request", f"{text} that it is at the last one")
+                    text = f"no nearer than {away_m.min():.1f} m to point {count}, though it"
+                    yield Violation(end_s, "request", f"{text} reports the last one as reached")
                     return
                 first += int(hits[0])
 
@@ -350,7 +350,7 @@ def it_lands_where_it_stands(case: Case) -> Iterator[Violation]:
     index = case.at(requested_s)
     speed_m_s = case.speed_m_s(max(index - 5, 0), index)
     if speed_m_s > _STANDS_M_S:
-        yield Violation(requested_s, "landing", f"told to land at {speed_m_s:.1f} m/s")
+        yield Violation(requested_s, "landing", f"a landing was commanded at {speed_m_s:.1f} m/s")
 
 
 def a_fence_that_is_not_on_board_ends_the_mission(case: Case) -> Iterator[Violation]:
@@ -381,8 +381,8 @@ def changed_files_that_are_left_are_announced(case: Case) -> Iterator[Violation]
             continue
         texts = (text for at_s, text in case.texts if requested_s - 0.1 <= at_s <= left.time_s)
         if not any(map(_NOT_TAKEN.search, texts)):
-            text = f"not a word why {new[0].name} of a changed file is not applied"
-            yield Violation(left.time_s, "told", text)
+            text = f"no reason is announced why {new[0].name} of a changed file is not applied"
+            yield Violation(left.time_s, "report", text)
 
 
 def nothing_hovers_in_a_zone_in_silence(case: Case) -> Iterator[Violation]:
@@ -400,8 +400,8 @@ def nothing_hovers_in_a_zone_in_silence(case: Case) -> Iterator[Violation]:
                 continue
             alarms = (each for each in case.announced if each.label.startswith("ALARM"))
             if not any(begun_s - _ALARMED_S <= each.time_s <= now_s for each in alarms):
-                text = f"in {rooms.area.name} since {begun_s:.1f} s, and not a word to the pilot"
-                yield Violation(now_s, "told", text)
+                text = f"in {rooms.area.name} since {begun_s:.1f} s, without an alarm"
+                yield Violation(now_s, "report", text)
                 return
             since = index  # the alarm must be repeated
 
@@ -425,7 +425,7 @@ def announcements_reach_the_ground_station(case: Case) -> Iterator[Violation]:
         )
         if text not in sent:
             text = f"'{text}' was not sent to the ground station with severity {severity}"
-            yield Violation(at_s, "told", text)
+            yield Violation(at_s, "report", text)
             return
 
 
@@ -433,5 +433,5 @@ def who_is_warned_knows_what_to_do(case: Case) -> Iterator[Violation]:
     """Every warning and alarm has an instruction for the pilot or the operator."""
     for at_s, label, line, instruction in case.announced:
         if label and not instruction:
-            yield Violation(at_s, "told", f"a {label.lower()} that asks for nothing: {line}")
+            yield Violation(at_s, "report", f"a {label.lower()} without an instruction: {line}")
             return

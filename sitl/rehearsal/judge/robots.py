@@ -44,7 +44,7 @@ _WITHIN_S, _TIMES = 6.0, 5
 
 _STANDS_M_S: Final = 0.5
 _COMM_S: Final = 20.0
-"""So long it stays with a robot where the file does not say."""
+"""So long it stays with a robot where the file has no time."""
 
 _GOES_S: Final = 12.0
 """Within that time goals are flown to, or refused."""
@@ -132,7 +132,7 @@ def contact_begins_it(case: Case) -> Iterator[Violation]:
             for message in poses
         )
         if not met:
-            text = f"COMM begins, though {robot} has not just said where it is"
+            text = f"COMM begins, though {robot} has sent no new position"
             yield Violation(stay.begin_s, "contact", text)
 
 
@@ -202,7 +202,7 @@ def it_waits_where_the_robot_is(case: Case) -> Iterator[Violation]:
         else:
             off_m = min(math.dist(here, waypoint) for waypoint in case.mission.waypoints)
         if off_m > beside_m:
-            where = "where it said that it is" if places else "any waypoint, and it is not known"
+            where = "its last position" if places else "any waypoint, and it is not known"
             text = f"{stay.state} {robot} {off_m:.0f} m away from {where}"
             yield Violation(until_s, "contact", text)
 

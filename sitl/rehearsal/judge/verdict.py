@@ -195,7 +195,7 @@ def the_battery_lasts(case: Case) -> Iterator[Violation]:
 
 
 def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
-    """Its lines and exit code say "landed at home", or that a pilot took over, where that is so."""
+    """Its lines and exit code report "landed at home", or a takeover, where that is so."""
     evidence, end, code = case.evidence, end_of(case), case.evidence.exit_code
     text = "\n".join([line.text for line in evidence.lines] + [evidence.outcome])
     taken_s = min((h.time_s for h in evidence.events(*_TAKEN)), default=math.inf)
@@ -211,8 +211,8 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
     # Taken and brought down in one silence: the landing that was requested may have done it.
     down_s = float(case.time_s[np.flatnonzero(case.flying)[-1]]) if case.flying.any() else 0.0
     received = any(taken_s < m.time_s < down_s for m in evidence.received)
-    unheard = bool(evidence.received) and taken_s < down_s and not received
-    over |= unheard
+    unseen = bool(evidence.received) and taken_s < down_s and not received
+    over |= unseen
     # A failsafe that acts between the touchdown and the disarming ends the flight, too.
     grounded = code == _OTHERWISE and any(
         each.failsafe and each.armed and each.landed and each.time_s > down_s
@@ -223,8 +223,8 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
     )
     end_s, landed = float(case.time_s[-1]), end in {End.LANDED, End.ON_REQUEST}
     wrong = {
-        f"exit 0, 'done': {end.value}": code == _DONE and not (landed or unheard),
-        f"'{_LANDED}' was said: {end.value}": _LANDED in text and end is not End.LANDED,
+        f"exit 0, 'done': {end.value}": code == _DONE and not (landed or unseen),
+        f"'{_LANDED}' was announced: {end.value}": _LANDED in text and end is not End.LANDED,
         f"exit {code}, though it landed at home by our command": (
             landed and code not in {_DONE, None} and not (lied_to or left or hopped or grounded)
         ),
@@ -238,9 +238,9 @@ def what_is_announced_is_what_happened(case: Case) -> Iterator[Violation]:
             end is End.FAILSAFE and code not in {_OTHERWISE, None} and not (lied_to or left or over)
         ),
     }
-    yield from (Violation(end_s, "told", text) for text, is_so in wrong.items() if is_so)
+    yield from (Violation(end_s, "report", text) for text, is_so in wrong.items() if is_so)
     if claimed_s < taken_s - _LAG_S and not lied_to:
-        yield Violation(claimed_s, "told", "a pilot is said to have taken over, but none had")
+        yield Violation(claimed_s, "report", "a takeover is announced, but no pilot has taken over")
 
 
 def _was_lied_to(case: Case) -> bool:
@@ -288,8 +288,8 @@ def a_fault_is_announced(case: Case) -> Iterator[Violation]:
         return
     since = [text for time_s, text in case.texts if time_s >= begun_s]
     if not re.search(row.announcement, "\n".join([*since, evidence.outcome]), re.IGNORECASE):
-        text = f"nothing was said of it: no line has '{row.announcement}'"
-        yield Violation(float(case.time_s[-1]), "told", text)
+        text = f"it was not announced: no line has '{row.announcement}'"
+        yield Violation(float(case.time_s[-1]), "report", text)
 
 
 def _cruised_s(case: Case, since_s: float) -> float:

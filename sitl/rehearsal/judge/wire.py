@@ -126,7 +126,7 @@ def climbs_begin_where_it_comes_to_rest(case: Case) -> Iterator[Violation]:
         off_m = shapely.LineString(stops).distance(shapely.Point(target))
         off_m -= float(case.off_m[index]) + case.row.room_m
         if off_m > _BESIDE_M and on_m > 2 * _BESIDE_M:
-            text = f"told to climb {off_m:.1f} m from where it comes to rest"
+            text = f"a climb was commanded {off_m:.1f} m from where it comes to rest"
             yield Violation(message.time_s, "leg", text)
 
 
@@ -155,17 +155,18 @@ def _landing(case: Case, message: WireMessage, mission: RawMission) -> Iterator[
     requested = any(h.value == "land" and 0.0 <= at_s - h.time_s <= slack_s for h in requests)
     away_m = case.from_home_m(index)
     if not requested:
-        yield Violation(at_s, "landing", f"told to land {away_m:.1f} m from home, unasked")
+        text = f"a landing was commanded {away_m:.1f} m from home without a request"
+        yield Violation(at_s, "landing", text)
     here, height_m = shapely.Point(case.place(index)), float(case.above_m[index]) + case.ground_m
     for area in mission.areas:
         kept_m = area.clearance_m - _SINKS_M - case.row.room_m - float(case.off_m[index])
         there_m = room_m(area, here)
         if area.lower_m <= height_m and there_m < kept_m and not area.periods:
-            text = f"told to land {there_m:.1f} m from {area.name}, which is below"
+            text = f"a landing was commanded {there_m:.1f} m from {area.name}, which is below"
             yield Violation(at_s, "landing", text)
     below = [level_m for _, level_m in mission.others if level_m < 0.0]
     if below:
-        text = f"told to land {away_m:.1f} m from home, through the layer of another UAV"
+        text = f"a landing was commanded {away_m:.1f} m from home through the layer of another UAV"
         yield Violation(at_s, "landing", text)
 
 
@@ -220,7 +221,7 @@ def _wrong_list(case: Case, upload: Upload) -> str:
         if off_m > _ITEM_M and not (skipped and _is_blocked(mission, place)):
             return f"item {seq} is {off_m:.1f} m from its place in the file"
         if abs(above_m - height_m) > _ITEM_Z_M:
-            return f"item {seq} is at {above_m:.1f} m, the file says {height_m:.1f} m"
+            return f"item {seq} is at {above_m:.1f} m, the file has {height_m:.1f} m"
         radius_m = number(fields, "param2")
         if seq > 1 and not abs(radius_m - mission.acceptance_m) <= _NUMBER:
             return f"item {seq} counts as reached from {radius_m} m, not {mission.acceptance_m} m"
@@ -252,13 +253,13 @@ def the_wind_is_announced_as_measured(case: Case) -> Iterator[Violation]:
         )
         strong_m_s = math.hypot(north_m_s, east_m_s)
         if abs(strong_m_s - float(found[1])) > _WIND_M_S:
-            wrong = f"a wind of {found[1]} m/s is told, it is {strong_m_s:.1f} m/s"
-            yield Violation(at_s, "told", wrong)
+            wrong = f"a wind of {found[1]} m/s is announced, it is {strong_m_s:.1f} m/s"
+            yield Violation(at_s, "report", wrong)
             return
         from_deg = math.degrees(math.atan2(-east_m_s, -north_m_s)) % 360.0
         announced_deg = _POINTS.index(found[2]) * 45.0
         off_deg = abs((from_deg - announced_deg + 180.0) % 360.0 - 180.0)
         if strong_m_s > _CALM_M_S and off_deg > _WIND_DEG:
-            wrong = f"a wind from {found[2]} is told, it comes from {from_deg:.0f} degrees"
-            yield Violation(at_s, "told", wrong)
+            wrong = f"a wind from {found[2]} is announced, it comes from {from_deg:.0f} degrees"
+            yield Violation(at_s, "report", wrong)
             return

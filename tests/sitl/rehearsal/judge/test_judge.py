@@ -143,7 +143,7 @@ def evidence(states=None, *, messages=(), more=(), code=0, **others):
         mission_text=others.pop("text", TEXT),
         samples=samples(tuple(states), others.pop("failsafe", ())),
         messages=tuple(sorted(wire, key=lambda m: m.time_s)),
-        lines=tuple(AnnouncedLine(*line) for line in others.pop("said", ())),
+        lines=tuple(AnnouncedLine(*line) for line in others.pop("announced", ())),
         exit_code=code,
         **others,
     )
@@ -160,10 +160,10 @@ def test_a_correct_flight_is_good():
     assert verdict.closest_m == pytest.approx(20.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("highest_m", "told"), [(1.9, set()), (2.1, {"told"})])
-def test_what_only_hopped_has_not_landed_from_a_flight(highest_m, told):
+@pytest.mark.parametrize(("highest_m", "wrong"), [(1.9, set()), (2.1, {"report"})])
+def test_what_only_hopped_has_not_landed_from_a_flight(highest_m, wrong):
     hop = [(e, n, min(up, highest_m), *rest) for e, n, up, *rest in track(((0, 0), (0, 1)))]
-    assert kinds(evidence(hop, code=1)) & {"told"} == told
+    assert kinds(evidence(hop, code=1)) & {"report"} == wrong
 
 
 def test_a_companion_that_crashes_is_a_finding_even_if_the_vehicle_holds():
@@ -172,7 +172,7 @@ def test_a_companion_that_crashes_is_a_finding_even_if_the_vehicle_holds():
     assert "crash" not in kinds(evidence(holds, code=5, happenings=ended))
     assert "crash" in kinds(evidence(holds, code=70, happenings=ended))
     printed = [(60.0, "Traceback (most recent call last):")]
-    assert "crash" in kinds(evidence(holds, code=1, said=printed, happenings=ended))
+    assert "crash" in kinds(evidence(holds, code=1, announced=printed, happenings=ended))
 
 
 NEAR = ((0, 0), (16, 30), (0, 0))
@@ -193,9 +193,9 @@ FALLS = [*track(land=False), *((0, 0, 39.0 - n, False, False, HOLD) for n in ran
         (track(THROUGH), {"room"}),
         (track(OUT), {"room"}),
         (TOO_LOW, {"altitude"}),
-        (track(((0, 0), (60, 0))), {"landing", "end", "told"}),
-        (track(land=False), {"end", "told"}),
-        (FALLS, {"end", "told", "altitude"}),
+        (track(((0, 0), (60, 0))), {"landing", "end", "report"}),
+        (track(land=False), {"end", "report"}),
+        (FALLS, {"end", "report", "altitude"}),
     ],
 )
 def test_the_true_track(states, wrong):
@@ -217,7 +217,7 @@ def test_a_zone_with_altitudes_counts_between_them_only():
     assert "room" in kinds(evidence(track(over), text=text))
 
 
-def test_altitudes_that_a_request_may_ask_for_are_flown_and_commanded():
+def test_altitudes_that_may_be_requested_are_flown_and_commanded():
     lower = evidence(TOO_LOW, more=[goto(30.0, 60, 60, above=20.0)])
     assert kinds(lower) >= {"altitude", "height"}
     wider = dataclasses.replace(lower, mission_text=f"{TEXT}altitudes_m: [20, 40]\n")
@@ -240,7 +240,7 @@ def test_a_zone_that_the_loader_lost_is_still_there():
         upload(fence=[*FENCE, *polygon(5002, [(60, 60), (80, 60), (80, 80)])]),
     ],
 )
-def test_what_is_on_board_is_what_the_file_says(messages):
+def test_what_is_on_board_is_what_is_in_the_file(messages):
     assert kinds(evidence(messages=list(messages))) == {"plan"}
 
 
@@ -250,8 +250,8 @@ def test_a_leg_to_an_item_is_as_clear_as_one_to_a_place():
     assert "leg" in kinds(evidence(states, more=[jump]))
 
 
-@pytest.mark.parametrize(("fails", "told"), [(False, {"told"}), (True, set())])
-def test_a_failsafe_between_touchdown_and_disarming_ends_the_flight_too(fails, told):
+@pytest.mark.parametrize(("fails", "wrong"), [(False, {"report"}), (True, set())])
+def test_a_failsafe_between_touchdown_and_disarming_ends_the_flight_too(fails, wrong):
     flown = track()
     stands = [(*flown[-1][:3], True, True, LAND_MODE)] * 40
     down_s = (len(flown) - 20) * 0.05
@@ -260,7 +260,7 @@ def test_a_failsafe_between_touchdown_and_disarming_ends_the_flight_too(fails, t
         code=1,
         failsafe=((down_s + 1.0, down_s + 2.0),) if fails else (),
     )
-    assert kinds(given) & {"told"} == told
+    assert kinds(given) & {"report"} == wrong
 
 
 PILOT = (SceneEvent(30.0, SceneEventKind.PILOT, "sticks"),)
@@ -282,22 +282,22 @@ def test_one_command_that_must_not_be(message, wrong):
     assert wrong in kinds(evidence(more=[message]))
 
 
-def test_no_command_while_the_pilot_has_it_until_the_operator_asks():
+def test_no_command_while_the_pilot_has_it_until_the_operator_requests_it():
     late = command(61.0, 21)
     given = evidence(more=[late, *AFTER], faults=("HAND_BACK",), happenings=PILOT, code=6)
     assert "authority" in kinds(given)
-    asked = (*PILOT, SceneEvent(60.0, SceneEventKind.REQUEST, "resume"))
-    back = dataclasses.replace(given, happenings=asked, exit_code=0)
+    requested = (*PILOT, SceneEvent(60.0, SceneEventKind.REQUEST, "resume"))
+    back = dataclasses.replace(given, happenings=requested, exit_code=0)
     assert "authority" not in kinds(back)
     unaware = dataclasses.replace(
         given, messages=tuple(m for m in given.messages if m.name != "HEARTBEAT")
     )
-    assert "authority" not in kinds(unaware)  # nothing reached it that could have told
+    assert "authority" not in kinds(unaware)  # it received nothing that shows the mode
 
 
 @pytest.mark.parametrize(("later_s", "good"), [(0.03, True), (0.1, False)])
 def test_a_landing_that_crosses_ours_on_its_way_is_ours(later_s, good):
-    """The vehicle lands either way, and what it says is the same."""
+    """The vehicle lands either way, and reports the same."""
     flown = track()
     begins_s = next(n for n, state in enumerate(flown) if state[5] == LAND_MODE) * 0.05
     pilot = SceneEvent(begins_s - 0.02, SceneEventKind.PILOT, "AUTO_LAND")
@@ -313,35 +313,35 @@ def test_a_choice_that_the_autopilot_did_not_follow_is_no_takeover(choice, good)
 
 
 @pytest.mark.parametrize(
-    ("at_s", "heard_s", "wrong"),
+    ("at_s", "received_s", "wrong"),
     [(30.5, 30.4, False), (31.5, 30.4, True), (31.5, None, False), (33.0, None, True)],
 )
-def test_a_place_that_our_next_command_undoes_at_once_was_never_heard_of(at_s, heard_s, wrong):
+def test_a_place_that_our_next_command_undoes_at_once_was_never_received(at_s, received_s, wrong):
     diverted = (SceneEvent(30.0, SceneEventKind.PILOT, "reposition"),)
     ours_s = [command(at_s, 176, param2=4.0), command(61.0, 21), *AFTER]
-    goes = [(29.0, 10, 10)] + ([(heard_s, 50, 50)] if heard_s else [])
+    goes = [(29.0, 10, 10)] + ([(received_s, 50, 50)] if received_s else [])
     name = "POSITION_TARGET_GLOBAL_INT"
-    told = []
+    messages = []
     for time_s, *to in goes:
         latitude, longitude = FRAME.degrees(*to)
         fields = {"lat_int": round(latitude * 1e7), "lon_int": round(longitude * 1e7)}
-        told.append(WireMessage(time_s, 1, 1, 0, name, fields))
-    found = kinds(evidence(more=ours_s, happenings=diverted, received=tuple(told)))
+        messages.append(WireMessage(time_s, 1, 1, 0, name, fields))
+    found = kinds(evidence(more=ours_s, happenings=diverted, received=tuple(messages)))
     assert ("authority" in found) == wrong
 
 
 @pytest.mark.parametrize(("at_s", "wrong"), [(25.0, True), (74.0, False)])
 def test_heights_are_reported_where_it_cruises_with_them(at_s, wrong):
     drifts = (SceneEvent(at_s, SceneEventKind.FAULT, "drift"),)
-    assert ("told" in kinds(evidence(faults=("BAROMETER",), happenings=drifts))) == wrong
+    assert ("report" in kinds(evidence(faults=("BAROMETER",), happenings=drifts))) == wrong
 
 
-@pytest.mark.parametrize("said", [True, False])
-def test_a_fence_that_did_not_get_on_board_is_reported(said):
+@pytest.mark.parametrize("announced", [True, False])
+def test_a_fence_that_did_not_get_on_board_is_reported(announced):
     drawn = TEXT + "  - {name: new, polygon: [[70, 80], [90, 80], [90, 90], [70, 90]]}\n"
-    lines = [(32.0, "the changed fence is not on board: coming home")] if said else []
+    lines = [(32.0, "the changed fence is not on board: coming home")] if announced else []
     reloaded = (SceneEvent(30.0, SceneEventKind.MISSION_FILE, drawn),)
-    assert ("plan" in kinds(evidence(happenings=reloaded, said=lines))) != said
+    assert ("plan" in kinds(evidence(happenings=reloaded, announced=lines))) != announced
 
 
 def test_no_command_is_repeated_over_a_choice():
@@ -360,11 +360,11 @@ def test_no_command_leaves_twice_at_once():
     assert "repeat" not in kinds(evidence(more=jumps[1:]))  # decided anew with a position
 
 
-def test_a_vehicle_in_a_mode_of_the_pilots_is_not_given_back_by_asking():
-    asked = (*PILOT, SceneEvent(60.0, SceneEventKind.REQUEST, "resume"))
+def test_a_vehicle_in_a_mode_of_the_pilots_is_not_given_back_by_a_request():
+    requested = (*PILOT, SceneEvent(60.0, SceneEventKind.REQUEST, "resume"))
     states = [(*s[:5], RETURN if n > 30.0 / 0.05 else s[5]) for n, s in enumerate(track())]
     given = evidence(
-        states, more=[command(61.0, 176), *AFTER], faults=("HAND_BACK",), happenings=asked
+        states, more=[command(61.0, 176), *AFTER], faults=("HAND_BACK",), happenings=requested
     )
     assert "authority" in kinds(given)
 
@@ -410,22 +410,24 @@ def test_a_battery_that_ran_down_though_home_was_near_is_bad():
 @pytest.mark.parametrize(
     ("change", "wrong"),
     [
-        ({"code": 6}, "told"),
-        ({"code": 1}, "told"),
-        ({"said": [(30.0, "hands off: the pilot chose Hold mode")]}, "told"),
-        ({"faults": ("HOME_MOVED",)}, "told"),  # not a word about it
-        ({"faults": ("UNHEARD_OF",)}, "evidence"),
+        ({"code": 6}, "report"),
+        ({"code": 1}, "report"),
+        ({"announced": [(30.0, "hands off: the pilot chose Hold mode")]}, "report"),
+        ({"faults": ("HOME_MOVED",)}, "report"),  # not announced
+        ({"faults": ("UNKNOWN",)}, "evidence"),
     ],
 )
-def test_what_is_told_has_to_be_what_happened(change, wrong):
+def test_what_is_announced_has_to_be_what_happened(change, wrong):
     assert wrong in kinds(evidence(**change))
 
 
-def test_a_plan_that_a_station_changed_may_be_left_to_it_if_that_is_said():
+def test_a_plan_that_a_station_changed_may_be_left_to_it_if_that_is_announced():
     scene = (SceneEvent(30.0, SceneEventKind.FENCE_CHANGED, "deleted"),)
     hovers = track(land=False)
-    said = [(31.0, "hands off: another plan is on board (the fence)")]
-    left = evidence(hovers, faults=("FENCE_DELETED",), happenings=scene, said=said, code=None)
+    announced = [(31.0, "hands off: another plan is on board (the fence)")]
+    left = evidence(
+        hovers, faults=("FENCE_DELETED",), happenings=scene, announced=announced, code=None
+    )
     assert judge(left).end is End.PILOT
     assert kinds(left) == set()
     assert "end" in kinds(dataclasses.replace(left, lines=()))
@@ -451,11 +453,11 @@ def test_what_is_drawn_where_it_cannot_stop_is_left_and_counts_from_then_on():
 
 
 @pytest.mark.parametrize(
-    ("at_s", "asked", "wrong"), [(22.0, False, False), (35.0, False, True), (35.0, True, False)]
+    ("at_s", "requested", "wrong"), [(22.0, False, False), (35.0, False, True), (35.0, True, False)]
 )
-def test_no_list_is_begun_for_a_vehicle_that_the_pilot_flies(at_s, asked, wrong):
+def test_no_list_is_begun_for_a_vehicle_that_the_pilot_flies(at_s, requested, wrong):
     scene = [SceneEvent(20.0, SceneEventKind.PILOT, "sticks")]
-    scene += [SceneEvent(30.0, SceneEventKind.REQUEST, "resume upload")] if asked else []
+    scene += [SceneEvent(30.0, SceneEventKind.REQUEST, "resume upload")] if requested else []
     count = ours(at_s, "MISSION_COUNT", count=1, mission_type=1)
     flown = evidence(track(), more=[count], happenings=tuple(scene), faults=("STICKS",))
     assert any("a list is put" in v.text for v in judge(flown).violations) is wrong
@@ -480,7 +482,7 @@ ENDS = st.tuples(st.floats(-80, 80), st.floats(-80, 80))
 
 
 @given(corners=CORNERS, begin=ENDS, end=ENDS, radius=st.floats(1, 40))
-def test_its_geometry_is_what_many_points_say(corners, begin, end, radius):
+def test_its_geometry_agrees_with_many_points(corners, begin, end, radius):
     shape = Polygon(corners)
     if not shape.is_valid or shape.area < 1.0:
         return
@@ -547,13 +549,13 @@ def test_the_judge_imports_nothing_of_what_it_judges():
 
 @pytest.mark.parametrize(("off_east_m", "wrong"), [(0.0, False), (20.0, True)])
 def test_what_is_read_back_is_what_was_sent(off_east_m, wrong):
-    def told(item):
+    def read_back(item):
         number, spot = item.fields["seq"], {}
         if item.fields["mission_type"] == 0 and number == 4:
             spot = place(60 + off_east_m, 60)
         return WireMessage(0.2, 1, 1, 1, item.name, {**item.fields, **spot})
 
-    back = [told(m) for m in upload() if m.name == "MISSION_ITEM_INT"]
+    back = [read_back(m) for m in upload() if m.name == "MISSION_ITEM_INT"]
     assert ("plan" in kinds(evidence(more=back))) == wrong
 
 

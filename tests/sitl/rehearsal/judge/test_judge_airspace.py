@@ -61,7 +61,7 @@ TRUSTED = "coming home, clear of zones by PX4's altitude alone: the battery is a
 
 
 @pytest.mark.parametrize(
-    ("said", "limits", "wrong"),
+    ("announced", "limits", "wrong"),
     [
         ([], {"lower_m": 60}, False),
         ([(30.0, DOUBTED)], {"lower_m": 60}, True),
@@ -71,10 +71,10 @@ TRUSTED = "coming home, clear of zones by PX4's altitude alone: the battery is a
         ([(58.0, DOUBTED)], {"lower_m": 60}, False),  # it has passed by
     ],
 )
-def test_with_the_altitude_in_doubt_room_is_kept_whatever_the_height(said, limits, wrong):
+def test_with_the_altitude_in_doubt_room_is_kept_whatever_the_height(announced, limits, wrong):
     zone = {"name": "more", "polygon": [[57, 30], [63, 30], [63, 36], [57, 36]], "altitude": limits}
     text = yaml.safe_dump({**FILE, "no_fly_zones": [*FILE["no_fly_zones"], zone]})
-    assert ("room" in kinds(evidence(text=text, said=said))) == wrong
+    assert ("room" in kinds(evidence(text=text, announced=announced))) == wrong
 
 
 def test_what_is_drawn_takes_a_rally_point(tmp_path):
@@ -109,9 +109,9 @@ def test_a_zone_is_on_board_if_it_applies_where_the_mission_cruises(terms, count
 @pytest.mark.parametrize(("spot", "wrong"), [((30, 30), True), ((60, 60), False)])
 def test_it_is_not_taken_back_in_a_zone(spot, wrong):
     states = [(*spot, *s[2:]) if 600 < n < 760 else s for n, s in enumerate(track())]
-    asked = (*PILOT, SceneEvent(35.0, SceneEventKind.REQUEST, "resume"))
+    requested = (*PILOT, SceneEvent(35.0, SceneEventKind.REQUEST, "resume"))
     back = [command(36.0, 176, param2=4.0), *AFTER]
-    verdict = judge(evidence(states, more=back, faults=("HAND_BACK",), happenings=asked))
+    verdict = judge(evidence(states, more=back, faults=("HAND_BACK",), happenings=requested))
     assert any("taken back" in violation.text for violation in verdict.violations) == wrong
 
 
@@ -136,7 +136,7 @@ STOP = {"param2": 4.0, "param3": 3.0}
     ],
 )
 def test_what_leaves_as_the_lists_are_begun_had_been_decided_on_before(at_s, order, wrong):
-    """They begin at 30 s with a look at the items on board; it was told to stop long before."""
+    """They begin at 30 s with a look at the items on board; a stop was commanded long before."""
     leg = [] if order is STOP else [command(29.0, 176, **STOP)]
     begun = [command(at_s, 176, **order), ours(30.0, "MISSION_REQUEST_LIST", mission_type=0)]
     count = ours(31.5, "MISSION_COUNT", count=4, mission_type=1)
@@ -144,13 +144,13 @@ def test_what_leaves_as_the_lists_are_begun_had_been_decided_on_before(at_s, ord
 
 
 def test_without_its_fence_on_board_it_comes_home():
-    said = [(32.0, "the changed fence is not on board: refused")]
-    assert kinds(evidence(said=said)) == set()
-    assert kinds(evidence(track(ROUND * 3), said=said)) == {"home"}
+    announced = [(32.0, "the changed fence is not on board: refused")]
+    assert kinds(evidence(announced=announced)) == set()
+    assert kinds(evidence(track(ROUND * 3), announced=announced)) == {"home"}
 
 
 @pytest.mark.parametrize(
-    ("happening", "words", "excused"),
+    ("happening", "line", "excused"),
     [
         (
             (25.0, SceneEventKind.FENCE_CHANGED, "added"),
@@ -162,16 +162,14 @@ def test_without_its_fence_on_board_it_comes_home():
         ((25.0, SceneEventKind.FAULT, "reload"), "hands off: another plan is on board", False),
     ],
 )
-def test_what_is_left_to_the_pilot_over_anothers_fence_does_not_come_home(
-    happening, words, excused
-):
-    said = [(32.0, "the changed fence is not on board: it is another's"), (33.0, words)]
-    flown = evidence(track(ROUND * 3), said=said, happenings=(SceneEvent(*happening),))
+def test_what_is_left_to_the_pilot_over_anothers_fence_does_not_come_home(happening, line, excused):
+    announced = [(32.0, "the changed fence is not on board: it is another's"), (33.0, line)]
+    flown = evidence(track(ROUND * 3), announced=announced, happenings=(SceneEvent(*happening),))
     assert ("home" in kinds(flown)) is not excused
 
 
 @pytest.mark.parametrize(
-    ("at_s", "sent", "asked_s", "wrong"),
+    ("at_s", "sent", "requested_s", "wrong"),
     [
         (31.0, "MISSION_COUNT", None, True),
         (31.0, "MISSION_CLEAR_ALL", None, True),
@@ -181,9 +179,11 @@ def test_what_is_left_to_the_pilot_over_anothers_fence_does_not_come_home(
         (31.0, "MISSION_COUNT", 29.0, True),
     ],
 )
-def test_no_list_of_ours_follows_one_that_a_station_has_stored(at_s, sent, asked_s, wrong):
+def test_no_list_of_ours_follows_one_that_a_station_has_stored(at_s, sent, requested_s, wrong):
     scene = [SceneEvent(30.0, SceneEventKind.LIST_STORED, "fence")]
-    scene += [] if asked_s is None else [SceneEvent(asked_s, SceneEventKind.REQUEST, "reload")]
+    scene += (
+        [] if requested_s is None else [SceneEvent(requested_s, SceneEventKind.REQUEST, "reload")]
+    )
     begins = ours(at_s, sent, count=4, mission_type=2)
     flown = flight(more=[begins], happenings=tuple(scene), reaction_s=0.004)
     texts = str(judge(flown).violations)
@@ -251,8 +251,8 @@ def test_a_way_home_takes_what_the_shortest_clear_one_does_and_some_turns(turns_
     """
     circles = [(45, 0), *[(45, 15), (45, 0)] * (turns_s // 6), (0, 0)]
     flown = track(((0, 0), (60, 0), (60, 60), (60, 0), *circles))
-    said = [(61.0, "61.0 s  coming home: the battery, as it says")]
-    found = flight(flown, said=said, text=f"{TEXT}{others}")
+    announced = [(61.0, "61.0 s  coming home: the battery, as it reports")]
+    found = flight(flown, announced=announced, text=f"{TEXT}{others}")
     assert ("home" in {v.kind for v in judge(found).violations}) == wrong
 
 
@@ -283,16 +283,18 @@ def test_no_waypoint_stays_on_board_that_a_zone_is_drawn_over(zone, again, wrong
 def test_what_is_drawn_is_on_board_once_a_pilot_has_given_it_back(back_s, sent_s, wrong):
     ring = [(50, 50), (70, 50), (70, 70), (50, 70)]
     zone = f"  - {{polygon: {[[*corner] for corner in ring]}}}\n"
-    told = [SceneEvent(25.0, SceneEventKind.MISSION_FILE, TEXT + zone)]
-    told.append(SceneEvent(27.0, SceneEventKind.PILOT, "sticks"))
+    scene = [SceneEvent(25.0, SceneEventKind.MISSION_FILE, TEXT + zone)]
+    scene.append(SceneEvent(27.0, SceneEventKind.PILOT, "sticks"))
     more = []
     if back_s is not None:
-        told.append(SceneEvent(back_s, SceneEventKind.REQUEST, "resume"))
+        scene.append(SceneEvent(back_s, SceneEventKind.REQUEST, "resume"))
         more.append(command(back_s + 1.0, 176, param2=4.0, param3=4.0))
     if sent_s is not None:
         fence, left = [*FENCE, *polygon(5002, ring)], ((60, 0), (0, 0), (0, 60))
         more += upload(fence=fence, waypoints=left, at_s=sent_s)
-    flown = evidence(track(ROUND * 3), more=[*more, *AFTER], faults=("HAND_BACK",), happenings=told)
+    flown = evidence(
+        track(ROUND * 3), more=[*more, *AFTER], faults=("HAND_BACK",), happenings=scene
+    )
     assert ("that the file closes" in str(judge(flown).violations)) == wrong
 
 

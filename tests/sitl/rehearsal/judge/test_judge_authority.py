@@ -29,17 +29,17 @@ def found(flown):
 SPOIL = between(40.0, 55.0)
 
 
-def silent(message, *, asked=None):
+def silent(order, *, requested=None):
     """What is found of a motion in, or after, a silence of 15 s; the mode comes a second later."""
 
-    def unheard(told):
-        late = told.name == "HEARTBEAT" and 55.0 <= told.time_s < 56.0
-        return None if late else SPOIL(told)
+    def spoil(message):
+        late = message.name == "HEARTBEAT" and 55.0 <= message.time_s < 56.0
+        return None if late else SPOIL(message)
 
-    scene = () if asked is None else (SceneEvent(50.0, SceneEventKind.REQUEST, asked),)
+    scene = () if requested is None else (SceneEvent(50.0, SceneEventKind.REQUEST, requested),)
     return [
         text
-        for text in found(flight(more=[message], spoil=unheard, happenings=scene))
+        for text in found(flight(more=[order], spoil=spoil, happenings=scene))
         if "flight mode" in text
     ]
 
@@ -51,30 +51,30 @@ def test_nothing_leaves_on_a_flight_mode_from_before_a_silence(at_s, wrong):
     assert bool(silent(goto(at_s, 60, 0))) is wrong
 
 
-def test_in_a_silence_only_a_hold_leaves_that_was_asked_for():
+def test_in_a_silence_only_a_requested_hold_leaves():
     hold = command(50.2, 176, param2=4.0, param3=3.0)
     assert silent(hold)
-    assert silent(hold, asked="goto 39.9,-75.2")
-    assert not silent(hold, asked="hold")
+    assert silent(hold, requested="goto 39.9,-75.2")
+    assert not silent(hold, requested="hold")
 
 
-def test_what_is_said_again_just_after_the_silence_began_is_no_news():
+def test_what_is_repeated_just_after_the_silence_began_is_not_new():
     before, again = goto(43.6, 60, 0), goto(44.3, 60, 0)
     flown = flight(more=[before, again], spoil=SPOIL)
     assert not [text for text in found(flown) if "flight mode" in text]
 
 
 def diverted(at_s, *, recent=False, flown=None, moves_m=40):
-    """What is found of a hold at a time; another place was heard of at 30.4 s."""
+    """What is found of a hold at a time; another place was received at 30.4 s."""
     event = (SceneEvent(30.0, SceneEventKind.PILOT, "reposition"),)
-    told = []
+    messages = []
     for time_s, east in ((29.0, 10), (30.4, 10 + moves_m)):
         latitude, longitude = FRAME.degrees(east, 10)
         fields = {"lat_int": round(latitude * 1e7), "lon_int": round(longitude * 1e7)}
-        told.append(WireMessage(time_s, 1, 1, 0, "POSITION_TARGET_GLOBAL_INT", fields))
+        messages.append(WireMessage(time_s, 1, 1, 0, "POSITION_TARGET_GLOBAL_INT", fields))
     more = [command(at_s, 176, param2=4.0, param3=3.0)]
     more += [command(26.0, 176, param2=4.0, param3=3.0)] if recent else []
-    texts = found(evidence(flown, more=more, happenings=event, received=tuple(told)))
+    texts = found(evidence(flown, more=more, happenings=event, received=tuple(messages)))
     return [text for text in texts if "over another" in text]
 
 
@@ -100,26 +100,26 @@ BREACH = "45.0 s  hands off: breach of shed is not resumed by itself"
 
 
 @pytest.mark.parametrize(
-    ("said", "seconds", "wrong"),
+    ("announced", "seconds", "wrong"),
     [((), 3.0, True), (((45.0, BREACH),), 3.0, False), ((), 0.4, False)],
 )
-def test_what_says_that_it_is_in_a_zone_is_given_away(said, seconds, wrong):
+def test_a_vehicle_that_reports_a_breach_is_given_away(announced, seconds, wrong):
     latitude, longitude = FRAME.degrees(30, 30)
     inside = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
     spoil = between(43.0, 43.0 + seconds, "GLOBAL_POSITION_INT", **inside)
-    texts = found(flight(spoil=spoil, said=said))
+    texts = found(flight(spoil=spoil, announced=announced))
     assert any("flown on with after a breach of shed" in text for text in texts) is wrong
 
 
 @pytest.mark.parametrize(
-    ("said_s", "wrong"), [(42.0, False), (39.0, True), (46.4, False), (47.0, True)]
+    ("announced_s", "wrong"), [(42.0, False), (39.0, True), (46.4, False), (47.0, True)]
 )
-def test_a_breach_is_given_away_two_seconds_before_it_at_the_earliest(said_s, wrong):
+def test_a_breach_is_given_away_two_seconds_before_it_at_the_earliest(announced_s, wrong):
     """It is half a metre deep at 43 s, surely so at 43.5 s, and is announced within three more."""
     latitude, longitude = FRAME.degrees(30, 30)
     inside = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
     spoil = between(43.0, 46.0, "GLOBAL_POSITION_INT", **inside)
-    texts = found(flight(spoil=spoil, said=((said_s, BREACH),)))
+    texts = found(flight(spoil=spoil, announced=((announced_s, BREACH),)))
     assert any("flown on with after a breach of shed" in text for text in texts) is wrong
 
 
@@ -164,13 +164,13 @@ HELD = command(22.2, 176, param2=4.0, param3=3.0)
 
 def test_mission_mode_chosen_low_and_away_is_held():
     assert handed_over(HELD) == []
-    assert any("not told to hold" in text for text in handed_over())
+    assert any("no hold was commanded" in text for text in handed_over())
 
 
 @pytest.mark.parametrize(("after_s", "late"), [(1.5, False), (4.0, True)])
 def test_it_is_held_within_two_seconds_of_mission_mode(after_s, late):
     hold = dataclasses.replace(HELD, time_s=22.0 + after_s)
-    assert any("not told to hold" in text for text in handed_over(hold)) is late
+    assert any("no hold was commanded" in text for text in handed_over(hold)) is late
 
 
 def test_where_it_is_held_no_mission_begins_before_another_wants_that():
@@ -193,7 +193,7 @@ def test_it_is_level_to_two_metres_below_the_missions_altitudes(below_m, wrong):
     assert any("a leg" in text for text in texts) is wrong
 
 
-def test_what_is_lost_of_the_hold_leaves_the_vehicle_to_the_pilot_and_may_be_said_again():
+def test_what_is_lost_of_the_hold_leaves_the_vehicle_to_the_pilot_and_may_be_repeated():
     lost = dataclasses.replace(HELD, delivered=False)
     again = [dataclasses.replace(lost, time_s=22.2 + 3.0 * n) for n in range(4)]
     assert handed_over(*again) == []
@@ -211,7 +211,7 @@ def test_a_landing_that_we_have_ordered_needs_no_plan(at_s, delivered, end):
 
 
 @pytest.mark.parametrize(
-    ("ordered_s", "heard_s", "end"),
+    ("ordered_s", "received_s", "end"),
     [
         (69.01, 70.9, "LANDED"),  # it had been decided on
         (70.8, 70.9, "LANDED"),
@@ -219,11 +219,11 @@ def test_a_landing_that_we_have_ordered_needs_no_plan(at_s, delivered, end):
         (71.2, 90.0, "PILOT"),  # whatever is late: so late is nothing
     ],
 )
-def test_a_landing_of_before_another_plan_could_be_heard_of_needs_none(ordered_s, heard_s, end):
+def test_a_landing_of_before_another_plan_could_be_received_needs_none(ordered_s, received_s, end):
     def spoil(message):
-        fields = {**message.fields, "mission_id": 7 if message.time_s < heard_s else 8}
-        told = message.name == "MISSION_CURRENT"
-        return dataclasses.replace(message, fields=fields) if told else message
+        fields = {**message.fields, "mission_id": 7 if message.time_s < received_s else 8}
+        current = message.name == "MISSION_CURRENT"
+        return dataclasses.replace(message, fields=fields) if current else message
 
     replaced = (SceneEvent(69.0, SceneEventKind.PILOT, "plan"),)
     order, faults = command(ordered_s, 21), ("PLAN_DELETED",)
@@ -242,13 +242,13 @@ STANDS = (
 CHOSE = (41.6, "hands off: the pilot chose Return mode")
 
 
-def stood_still(*messages, said=CHOSE, scene=STANDS, **others):
+def stood_still(*messages, announced=CHOSE, scene=STANDS, **others):
     """What is found of a flight whose pilot chose Return at 41 s, in a standstill to 41.5 s."""
     states = [
         (*state[:5], RETURN if n * 0.05 >= 41.0 else state[5]) for n, state in enumerate(track())
     ]
     others |= {"happenings": scene, "reaction_s": 0.0}
-    flown = evidence(states, more=messages, code=6, said=(said,), **others)
+    flown = evidence(states, more=messages, code=6, announced=(announced,), **others)
     return [v.text for v in judge(flown).violations if "standstill" in v.text or "41.0" in v.text]
 
 
@@ -281,9 +281,9 @@ def test_a_choice_of_the_moment_in_which_it_stops_counts_if_the_vehicle_was_ours
     assert any("chosen in the standstill before" in text for text in texts) is wrong
 
 
-@pytest.mark.parametrize("said", [(43.0, "hands off: late"), (41.6, "it holds")])
-def test_a_choice_in_a_standstill_that_is_not_announced_at_once_is_found(said):
-    assert stood_still(said=said) == ["a mode chosen at 41.0 s is not announced"]
+@pytest.mark.parametrize("announced", [(43.0, "hands off: late"), (41.6, "it holds")])
+def test_a_choice_in_a_standstill_that_is_not_announced_at_once_is_found(announced):
+    assert stood_still(announced=announced) == ["a mode chosen at 41.0 s is not announced"]
 
 
 def test_a_choice_outside_of_a_standstill_is_another_rules():

@@ -144,9 +144,9 @@ MANY = "".join(
 )
 
 
-def left(text, said="not reloaded: mission.yaml: something"):
+def left(text, announced="not reloaded: mission.yaml: something"):
     happenings = (SceneEvent(74.0, SceneEventKind.FILE_LEFT, (70.0, text)),)
-    verdict = judge(flight(said=[(72.0, said)], happenings=happenings))
+    verdict = judge(flight(announced=[(72.0, announced)], happenings=happenings))
     return " | ".join(str(violation) for violation in verdict.violations)
 
 
@@ -161,22 +161,22 @@ def left(text, said="not reloaded: mission.yaml: something"):
         ((TEXT + ELSEWHERE).replace("speed_m_s: 5", "speed_m_s: 6"), False),
     ],
 )
-def test_a_file_that_is_good_is_taken_whatever_is_said_of_it(text, wrong):
+def test_a_good_file_is_taken_whatever_is_announced(text, wrong):
     assert ("nothing is wrong" in left(text)) == wrong
 
 
 @pytest.mark.parametrize(
-    ("said", "words"),
+    ("announced", "expected"),
     [
         ("not reloaded: speed changed as well", ""),
-        ("not reloaded: its fences and no-fly zones are as they were", "speed_m_s, which changed"),
-        ("EXPL -> SEARCH", "nothing is said why"),
+        ("not reloaded: its fences and no-fly zones are as they were", "speed_m_s changed as well"),
+        ("EXPL -> SEARCH", "refused without a reason"),
     ],
 )
-def test_what_else_has_changed_is_told(said, words):
-    found = left(TEXT.replace("speed_m_s: 5", "speed_m_s: 6"), said)
-    assert words in found
-    assert bool(found) == bool(words) or "SEARCH" in said
+def test_what_else_has_changed_is_announced(announced, expected):
+    found = left(TEXT.replace("speed_m_s: 5", "speed_m_s: 6"), announced)
+    assert expected in found
+    assert bool(found) == bool(expected) or "SEARCH" in announced
 
 
 @pytest.mark.parametrize(

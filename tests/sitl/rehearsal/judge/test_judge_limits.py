@@ -1,4 +1,4 @@
-"""The judge's limits of what is commanded and told: just within them is good, just beyond is not.
+"""The judge's limits of commands and announcements: just within is good, just beyond is not.
 
 As in `test_judge_tolerances`; each pair lies less than a factor of three from the limit.
 """
@@ -54,14 +54,14 @@ def test_an_order_that_crosses_a_choice_ends_it(later_s, wrong):
 @pytest.mark.parametrize(("at_s", "wrong"), [(32.5, False), (34.0, True)])
 def test_what_no_mode_shows_is_known_a_second_after_the_next_heartbeat(at_s, wrong):
     """The next is of 31 s, and the companion has a second to react."""
-    told = []
+    messages = []
     for time_s, east in ((29.0, 10), (30.4, 50)):
         latitude, longitude = FRAME.degrees(east, 10)
         fields = {"lat_int": round(latitude * 1e7), "lon_int": round(longitude * 1e7)}
-        told.append(WireMessage(time_s, 1, 1, 0, "POSITION_TARGET_GLOBAL_INT", fields))
+        messages.append(WireMessage(time_s, 1, 1, 0, "POSITION_TARGET_GLOBAL_INT", fields))
     diverted = (SceneEvent(30.0, SceneEventKind.PILOT, "reposition"),)
     stop = command(at_s, 176, param2=4.0, param3=3.0)
-    flown = evidence(more=[stop, *AFTER], happenings=diverted, received=tuple(told), code=6)
+    flown = evidence(more=[stop, *AFTER], happenings=diverted, received=tuple(messages), code=6)
     assert ("while the vehicle is the pilot's" in texts(flown)) == wrong
 
 
@@ -104,11 +104,11 @@ def test_no_plan_is_put_on_board_of_what_was_armed_as_the_companion_began_to_loo
 # Changed files.
 
 
-def left(text, *, asked_s=70.0, more=()):
+def left(text, *, requested_s=70.0, more=()):
     """What is found of a file that was not taken."""
-    scene = (SceneEvent(asked_s + 4.0, SceneEventKind.FILE_LEFT, (asked_s, text)),)
-    said = [(asked_s + 2.0, "not reloaded: mission.yaml: something")]
-    return texts(flight(said=said, happenings=scene, more=more))
+    scene = (SceneEvent(requested_s + 4.0, SceneEventKind.FILE_LEFT, (requested_s, text)),)
+    announced = [(requested_s + 2.0, "not reloaded: mission.yaml: something")]
+    return texts(flight(announced=announced, happenings=scene, more=more))
 
 
 @pytest.mark.parametrize(("away_m", "wrong"), [(7.2, False), (8.6, True)])
@@ -133,13 +133,13 @@ def test_a_fence_of_more_than_sixty_four_points_cannot_be_stored(points, wrong):
 def test_while_a_fence_is_on_its_way_on_board_no_file_needs_be_taken(sooner_s, wrong):
     zone = "  - {name: new, polygon: [[300, 55], [303, 55], [303, 80], [300, 80]]}\n"
     count = ours(110.0 - sooner_s, "MISSION_COUNT", count=8, mission_type=1)
-    assert ("nothing is wrong" in left(TEXT + zone, asked_s=110.0, more=[count])) == wrong
+    assert ("nothing is wrong" in left(TEXT + zone, requested_s=110.0, more=[count])) == wrong
 
 
 # Altitudes.
 
 
-def drifting(off_m, *, since_s=60.0, states=HOVERS, spoil=lambda message: message, said=()):
+def drifting(off_m, *, since_s=60.0, states=HOVERS, spoil=lambda message: message, announced=()):
     """What is found of a flight whose satellites' altitude leaves the autopilot's at a time."""
 
     def drifts(message):
@@ -150,12 +150,12 @@ def drifting(off_m, *, since_s=60.0, states=HOVERS, spoil=lambda message: messag
         fields = {**message.fields, "alt": round((6.7 + up_m) * 1e3)}
         return spoil(WireMessage(message.time_s, 1, 1, 0, message.name, fields))
 
-    return texts(flight(states, drifts, said=[(21.0, "21.0 s  READY -> INIT"), *said]))
+    return texts(flight(states, drifts, announced=[(21.0, "21.0 s  READY -> INIT"), *announced]))
 
 
 @pytest.mark.parametrize(("every_s", "later_s", "known"), [(1.0, 0.6, True), (3.0, 2.0, False)])
 def test_two_altitudes_within_a_second_are_of_one_moment(every_s, later_s, known):
-    """The satellites' is heard so long after the autopilot's."""
+    """The satellites' is received so long after the autopilot's."""
     delays = {"GLOBAL_POSITION_INT": 0.0, "GPS_RAW_INT": later_s}
 
     def spoil(message):
@@ -173,8 +173,8 @@ def hovering(until_s):
 
 @pytest.mark.parametrize(("lands_s", "late"), [(140.0, False), (155.0, True)])
 def test_a_companion_may_average_an_altitude_for_thirty_seconds_before_it_comes_home(lands_s, late):
-    said = [(65.0, "the altitude is in doubt")]
-    found = drifting(9.0, states=hovering(lands_s), said=said)
+    announced = [(65.0, "the altitude is in doubt")]
+    found = drifting(9.0, states=hovering(lands_s), announced=announced)
     assert ("did not land within" in found) == late
 
 
@@ -190,37 +190,39 @@ def test_a_pause_of_all_streams_counts_as_a_second_of_each(again_s, wrong):
         left = missing(message)
         return None if left is None else pause(left)
 
-    found = texts(flight(HOVERS, spoil, said=[CRUISES]))
-    assert ("about it: the position was not heard" in found) == wrong
+    found = texts(flight(HOVERS, spoil, announced=[CRUISES]))
+    assert ("not announced: the position was not received" in found) == wrong
 
 
 @pytest.mark.parametrize(("lost_s", "wrong"), [(0.8, False), (2.2, True)])
-def test_a_fix_that_is_lost_for_a_second_is_told(lost_s, wrong):
+def test_a_fix_that_is_lost_for_a_second_is_announced(lost_s, wrong):
     spoil = between(70.0, 70.0 + lost_s, "GPS_RAW_INT", fix_type=1)
-    assert ("about it: GPS lost its fix" in texts(flight(HOVERS, spoil, said=[CRUISES]))) == wrong
+    assert (
+        "not announced: GPS lost its fix" in texts(flight(HOVERS, spoil, announced=[CRUISES]))
+    ) == wrong
 
 
 @pytest.mark.parametrize(("leg_s", "wrong"), [(79.0, False), (82.0, True)])
 def test_a_vehicle_with_a_poor_fix_has_three_seconds_to_stop(leg_s, wrong):
-    """It is told within seven seconds, at 77 s."""
+    """It is announced within seven seconds, at 77 s."""
     spoil = between(70.0, 88.0, "GPS_RAW_INT", h_acc=2500)
-    said = [CRUISES, (72.0, "the satellites' position is good to 2.5 m only: holding")]
-    found = texts(flight(HOVERS, spoil, said=said, more=[goto(leg_s, 60, 0)]))
+    announced = [CRUISES, (72.0, "the satellites' position is good to 2.5 m only: holding")]
+    found = texts(flight(HOVERS, spoil, announced=announced, more=[goto(leg_s, 60, 0)]))
     assert ("a leg, though GPS was good to 2 m" in found) == wrong
 
 
 @pytest.mark.parametrize(("later_s", "wrong"), [(3.6, False), (5.0, True)])
-def test_a_companion_says_within_a_second_and_the_time_to_react_that_it_stood_still(later_s, wrong):
+def test_a_standstill_is_announced_within_a_second_and_the_time_to_react(later_s, wrong):
     still = (SceneEvent(69.0, SceneEventKind.STOPPED), SceneEvent(88.0, SceneEventKind.CONTINUED))
-    said = [(88.0 + later_s, "this program stood still for 19.0 s")]
-    found = texts(flight(spoil=between(70.0, 88.0), happenings=still, said=said))
+    announced = [(88.0 + later_s, "this program stood still for 19.0 s")]
+    found = texts(flight(spoil=between(70.0, 88.0), happenings=still, announced=announced))
     assert ("it stood still before" in found) == wrong
 
 
 @pytest.mark.parametrize(("lands_s", "late"), [(125.0, False), (155.0, True)])
 def test_a_mission_may_begin_a_minute_after_the_take_off(lands_s, late):
     """It lasts for 30 s: from 91 s on it comes home, in 49 s."""
-    flown = flight(hovering(lands_s), text=f"{TEXT}duration_s: 30\n", said=[CRUISES])
+    flown = flight(hovering(lands_s), text=f"{TEXT}duration_s: 30\n", announced=[CRUISES])
     assert ("though the time of the mission was over" in texts(flown)) == late
 
 
@@ -231,5 +233,5 @@ def test_a_position_is_known_a_second_after_its_fix_is_back(begins_s, wrong):
     inside = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
     lost = between(60.0, 70.0, "GPS_RAW_INT", fix_type=1)
     breach = between(begins_s, begins_s + 3.0, "GLOBAL_POSITION_INT", **inside)
-    found = texts(flight(spoil=lambda message: breach(lost(message)), said=[CRUISES]))
-    assert ("about it: a breach of shed" in found) == wrong
+    found = texts(flight(spoil=lambda message: breach(lost(message)), announced=[CRUISES]))
+    assert ("not announced: a breach of shed" in found) == wrong

@@ -79,9 +79,9 @@ def test_anothers_fence_is_known_to_be_one_within_twenty_seconds(later_s, wrong)
 def test_what_is_received_a_tenth_of_a_second_later_was_sent_after_it(received_s, wrong):
     """The next MISSION_CURRENT comes at 35 s."""
     stored = (SceneEvent(30.0, SceneEventKind.LIST_STORED, "fence"),)
-    told = [WireMessage(s, 1, 1, 0, "MISSION_CURRENT", {"seq": 1}) for s in (received_s, 35.0)]
+    messages = [WireMessage(s, 1, 1, 0, "MISSION_CURRENT", {"seq": 1}) for s in (received_s, 35.0)]
     begins = ours(33.0, "MISSION_COUNT", count=4, mission_type=2)
-    flown = evidence(more=[begins], happenings=stored, received=tuple(told))
+    flown = evidence(more=[begins], happenings=stored, received=tuple(messages))
     assert ("though a station stored its fence" in texts(flown)) == wrong
 
 
@@ -114,16 +114,16 @@ def test_a_renewal_takes_thirty_seconds_and_orders_of_before_leave_at_once(count
 )
 def test_heights_and_speeds_on_board_are_those_of_the_file(changed, wrong):
     found = texts(evidence(messages=list(changed)))
-    assert ("the file says" in found or "the speed on board is" in found) == wrong
+    assert ("the file has" in found or "the speed on board is" in found) == wrong
 
 
 # Legs, climbs, landings.
 
 
-@pytest.mark.parametrize(("heard_s", "wrong"), [(58.2, False), (58.0, True)])
-def test_a_leg_leaves_on_a_position_of_the_last_two_seconds(heard_s, wrong):
+@pytest.mark.parametrize(("received_s", "wrong"), [(58.2, False), (58.0, True)])
+def test_a_leg_leaves_on_a_position_of_the_last_two_seconds(received_s, wrong):
     """1.9 s, with a second to react."""
-    spoil = between(heard_s + 0.1, 60.3, "GLOBAL_POSITION_INT")
+    spoil = between(received_s + 0.1, 60.3, "GLOBAL_POSITION_INT")
     flown = flight(spoil=spoil, more=[goto(60.05, 0, 60)])
     assert ("after the last position came" in texts(flown)) == wrong
 
@@ -152,7 +152,7 @@ def test_a_landing_within_three_metres_of_where_home_is_reached_needs_no_request
     states = track(((0, 0), (home_m, 0), (home_m, 0)))
     at_s = 21.0 + home_m / 5.0
     found = texts(evidence(states, more=[command(at_s, 21)], code=None))
-    assert ("unasked" in found) == wrong
+    assert ("without a request" in found) == wrong
 
 
 def hovering(until_s):
@@ -162,27 +162,27 @@ def hovering(until_s):
 
 @pytest.mark.parametrize(("later_s", "wrong"), [(2.5, False), (5.0, True)])
 def test_a_landing_follows_a_request_within_three_seconds(later_s, wrong):
-    asked = (SceneEvent(40.0, SceneEventKind.REQUEST, "land"),)
+    requested = (SceneEvent(40.0, SceneEventKind.REQUEST, "land"),)
     land = command(40.0 + later_s, 21)
-    found = texts(evidence(hovering(60.0), more=[land], happenings=asked, code=None))
-    assert ("unasked" in found) == wrong
+    found = texts(evidence(hovering(60.0), more=[land], happenings=requested, code=None))
+    assert ("without a request" in found) == wrong
 
 
 @pytest.mark.parametrize(("later_s", "wrong"), [(12.0, False), (30.0, True)])
-def test_a_landing_is_told_again_within_twenty_seconds(later_s, wrong):
-    asked = (SceneEvent(40.0, SceneEventKind.REQUEST, "land"),)
+def test_a_landing_is_commanded_again_within_twenty_seconds(later_s, wrong):
+    requested = (SceneEvent(40.0, SceneEventKind.REQUEST, "land"),)
     lands = [command(at_s, 21) for at_s in (40.5, 40.5 + later_s)]
-    found = texts(evidence(hovering(90.0), more=lands, happenings=asked, code=None))
-    assert ("unasked" in found) == wrong
+    found = texts(evidence(hovering(90.0), more=lands, happenings=requested, code=None))
+    assert ("without a request" in found) == wrong
 
 
 @pytest.mark.parametrize(("radius_m", "wrong"), [(10.3, False), (11.0, True)])
 def test_what_is_below_a_landing_keeps_its_clearance_but_half_a_metre(radius_m, wrong):
     """15 m from the middle of the zone."""
     zone = f"  - {{circle: {{centre: [75, 0], radius_m: {radius_m}}}, altitude: {{upper_m: 12}}}}\n"
-    asked = (SceneEvent(40.0, SceneEventKind.REQUEST, "land"),)
+    requested = (SceneEvent(40.0, SceneEventKind.REQUEST, "land"),)
     flown = evidence(
-        hovering(60.0), more=[command(40.5, 21)], happenings=asked, text=TEXT + zone, code=None
+        hovering(60.0), more=[command(40.5, 21)], happenings=requested, text=TEXT + zone, code=None
     )
     assert ("which is below" in texts(flown)) == wrong
 
@@ -199,7 +199,7 @@ def test_a_vehicle_is_below_a_layer_that_is_two_metres_above_it(height_m, wrong)
 
 
 @pytest.mark.parametrize(
-    ("east_m_s", "north_m_s", "until_s", "said", "wrong"),
+    ("east_m_s", "north_m_s", "until_s", "announced", "wrong"),
     [
         (6.0, 0.0, 54.9, "5 m/s from west", False),
         (7.5, 0.0, 54.9, "5 m/s from west", True),
@@ -211,22 +211,26 @@ def test_a_vehicle_is_below_a_layer_that_is_two_metres_above_it(height_m, wrong)
         (9.0, 0.0, 50.0, "5 m/s from west", False),  # it is not known any more
     ],
 )
-def test_the_wind_is_told_to_a_metre_and_a_half_a_second(east_m_s, north_m_s, until_s, said, wrong):
+def test_the_wind_is_announced_to_a_metre_and_a_half_a_second(
+    east_m_s, north_m_s, until_s, announced, wrong
+):
     fields = {"wind_x": north_m_s, "wind_y": east_m_s}
     received = [WireMessage(until_s - n / 2, 1, 1, 0, "WIND_COV", fields) for n in range(9, -1, -1)]
-    flown = evidence(said=[(55.0, f"INIT   |  3 s left | wind {said}")], received=tuple(received))
+    flown = evidence(
+        announced=[(55.0, f"INIT   |  3 s left | wind {announced}")], received=tuple(received)
+    )
     found = texts(flown)
-    assert (" is told, it " in found) == wrong
+    assert (" is announced, it " in found) == wrong
 
 
 # Ends, and who has it.
 
 
 @pytest.mark.parametrize(("sooner_s", "wrong"), [(0.3, False), (1.0, True)])
-def test_a_line_may_be_stamped_half_a_second_before_what_it_says(sooner_s, wrong):
-    said = [(30.0 - sooner_s, "hands off: the pilot chose Position mode")]
-    found = texts(evidence(happenings=PILOT, code=6, said=said, faults=("STICKS",)))
-    assert ("a pilot is said to have taken over" in found) == wrong
+def test_a_line_may_be_stamped_half_a_second_before_its_event(sooner_s, wrong):
+    announced = [(30.0 - sooner_s, "hands off: the pilot chose Position mode")]
+    found = texts(evidence(happenings=PILOT, code=6, announced=announced, faults=("STICKS",)))
+    assert ("a takeover is announced" in found) == wrong
 
 
 @pytest.mark.parametrize(("after_s", "wrong"), [(80.0, False), (92.0, True)])
@@ -249,29 +253,29 @@ def test_a_battery_lasts_for_the_way_home_and_the_landing(after_s, wrong):
 
 
 @pytest.mark.parametrize(("later_s", "wrong"), [(1.0, False), (2.5, True)])
-def test_a_mode_that_was_heard_is_believed_for_a_second_and_a_half(later_s, wrong):
+def test_a_mode_that_was_received_is_believed_for_a_second_and_a_half(later_s, wrong):
     """It was never flown."""
     lie = between(70.0, 70.1, "HEARTBEAT", custom_mode=7)
-    said = [(70.0 + later_s, "hands off: the pilot chose Hold mode")]
+    announced = [(70.0 + later_s, "hands off: the pilot chose Hold mode")]
     assert (
-        "a pilot took over, but none did" in texts(flight(spoil=lie, said=said, code=6))
+        "a pilot took over, but none did" in texts(flight(spoil=lie, announced=announced, code=6))
     ) == wrong
 
 
 @pytest.mark.parametrize(("height_m", "wrong"), [(24.0, False), (38.0, True)])
 def test_a_vehicle_cruises_at_nine_tenths_of_its_altitude(height_m, wrong):
-    """What shows in cruise only need not be told below."""
+    """What shows in cruise only need not be announced below."""
     drifts = (SceneEvent(25.0, SceneEventKind.FAULT, "drift"),)
     flown = evidence(track(height=height_m), faults=("BAROMETER",), happenings=drifts)
-    assert ("nothing was said of it" in texts(flown)) == wrong
+    assert ("it was not announced" in texts(flown)) == wrong
 
 
 @pytest.mark.parametrize(("later_s", "end"), [(0.6, End.ON_REQUEST), (2.0, End.ELSEWHERE)])
 def test_an_answer_follows_a_request_to_land_within_a_second(later_s, end):
     states = track(((0, 0), (60, 0), (60, 0), (60, 0)))
-    said = [(32.8, "32.8 s  the operator: accepted: it lands where it hovers")]
-    asked = (SceneEvent(32.8 - later_s, SceneEventKind.REQUEST, "land"),)
-    flown = evidence(states, said=said, faults=("LANDED_HERE",), happenings=asked)
+    announced = [(32.8, "32.8 s  the operator: accepted: it lands where it hovers")]
+    requested = (SceneEvent(32.8 - later_s, SceneEventKind.REQUEST, "land"),)
+    flown = evidence(states, announced=announced, faults=("LANDED_HERE",), happenings=requested)
     assert judge(flown).end is end
 
 
@@ -283,13 +287,13 @@ def test_a_companion_that_goes_on_has_eight_seconds_to_connect(sooner_s, wrong):
         SceneEvent(75.0 - sooner_s, SceneEventKind.CONTINUED),
         SceneEvent(75.0, SceneEventKind.REQUEST, "land"),
     )
-    said = [
+    announced = [
         (50.0, "50.0 s  INIT -> EXPL"),
         (58.0, "58.0 s  EXPL -> HOLD"),
         (75.1, "75.1 s  the operator: accepted: it lands where it hovers"),
     ]
-    found = texts(flight(HOVERS, happenings=scene, said=said))
-    assert ("not told to land" in found) == wrong
+    found = texts(flight(HOVERS, happenings=scene, announced=announced))
+    assert ("no landing was commanded" in found) == wrong
 
 
 # By its own report.
@@ -297,19 +301,19 @@ def test_a_companion_that_goes_on_has_eight_seconds_to_connect(sooner_s, wrong):
 
 @pytest.mark.parametrize(("deep_m", "wrong"), [(0.3, False), (0.8, True)])
 def test_half_a_metre_deep_it_is_a_breach(deep_m, wrong):
-    assert ("about it: a breach of shed" in texts(reporting(deep_m, 3.0))) == wrong
+    assert ("not announced: a breach of shed" in texts(reporting(deep_m, 3.0))) == wrong
 
 
 @pytest.mark.parametrize(("lasts_s", "wrong"), [(0.8, False), (2.2, True)])
-def test_a_clearance_that_is_lost_for_a_second_is_told(lasts_s, wrong):
+def test_a_clearance_that_is_lost_for_a_second_is_announced(lasts_s, wrong):
     found = texts(reporting(-3.0, lasts_s))
-    assert ("about it: it came too near to shed" in found) == wrong
+    assert ("not announced: it came too near to shed" in found) == wrong
 
 
 @pytest.mark.parametrize(("missing_m", "wrong"), [(0.6, False), (2.0, True)])
-def test_of_a_clearance_a_metre_may_be_missing_untold(missing_m, wrong):
+def test_of_a_clearance_a_metre_may_be_missing_without_an_announcement(missing_m, wrong):
     found = texts(reporting(-5.0 + missing_m, 3.0))
-    assert ("about it: it came too near to shed" in found) == wrong
+    assert ("not announced: it came too near to shed" in found) == wrong
 
 
 @pytest.mark.parametrize(("later_s", "wrong"), [(8.0, False), (25.0, True)])
@@ -318,14 +322,14 @@ def test_what_a_pilot_gave_back_has_fifteen_seconds_to_leave(later_s, wrong):
     scene = (*PILOT, SceneEvent(60.0, SceneEventKind.REQUEST, "resume"))
     back = [command(61.0, 176, param2=4.0, param3=4.0)]
     found = texts(reporting(-3.0, 3.0, begins_s=61.0 + later_s, more=back, happenings=scene))
-    assert ("about it: it came too near to shed" in found) == wrong
+    assert ("not announced: it came too near to shed" in found) == wrong
 
 
 @pytest.mark.parametrize(("speed_cm_s", "wrong"), [(60, False), (150, True)])
-def test_a_place_that_stays_while_the_vehicle_moves_is_no_news(speed_cm_s, wrong):
+def test_a_place_that_stays_while_the_vehicle_moves_is_no_update(speed_cm_s, wrong):
     spoil = between(72.0, 82.0, "GLOBAL_POSITION_INT", vx=speed_cm_s)
-    found = texts(flight(HOVERS, spoil, said=[CRUISES]))
-    assert ("about it: the position was not heard" in found) == wrong
+    found = texts(flight(HOVERS, spoil, announced=[CRUISES]))
+    assert ("not announced: the position was not received" in found) == wrong
 
 
 def reporting(deep_m, lasts_s, *, begins_s=50.0, **others):
@@ -333,7 +337,7 @@ def reporting(deep_m, lasts_s, *, begins_s=50.0, **others):
     latitude, longitude = FRAME.degrees(20.0 + deep_m, 30)
     place = {"lat": round(latitude * 1e7), "lon": round(longitude * 1e7)}
     spoil = between(begins_s, begins_s + lasts_s, "GLOBAL_POSITION_INT", **place)
-    return flight(spoil=spoil, said=[CRUISES], **others)
+    return flight(spoil=spoil, announced=[CRUISES], **others)
 
 
 @pytest.mark.parametrize(
@@ -341,7 +345,7 @@ def reporting(deep_m, lasts_s, *, begins_s=50.0, **others):
     [(30, 12.0, True), (44, 12.0, False), (44, 11.76, False), (44, 11.04, True)],
 )
 def test_a_charge_is_believed_at_once_that_fell_slowly_or_with_its_voltage(percent, volts, late):
-    """At 40 s it falls to 24 %, from 12 V; that is told at 46 s, a second late if at once."""
+    """At 40 s it falls to 24 %, from 12 V; that is announced at 46 s, a second late if at once."""
 
     def spoil(message):
         low = message.time_s >= 40.0
@@ -350,9 +354,9 @@ def test_a_charge_is_believed_at_once_that_fell_slowly_or_with_its_voltage(perce
         battery = message.name == "SYS_STATUS"
         return dataclasses.replace(message, fields=fields) if battery else message
 
-    said = [(21.0, "21.0 s  READY -> INIT"), (46.0, "coming home: battery at 24%")]
-    found = texts(flight(track(ROUND), spoil, said=said))
-    assert ("about it: the battery was at its reserve" in found) == late
+    announced = [(21.0, "21.0 s  READY -> INIT"), (46.0, "coming home: battery at 24%")]
+    found = texts(flight(track(ROUND), spoil, announced=announced))
+    assert ("not announced: the battery was at its reserve" in found) == late
 
 
 # What a mission file leaves to the planner.
@@ -362,9 +366,9 @@ def test_a_charge_is_believed_at_once_that_fell_slowly_or_with_its_voltage(perce
 def test_a_mission_flies_at_three_and_a_half_metres_a_second_without_another_speed(
     speed_m_s, wrong
 ):
-    asks = command(40.0, 178, param1=1.0, param2=speed_m_s)
-    flown = evidence(more=[asks], text=TEXT.replace("speed_m_s: 5\n", ""))
-    assert ("m/s, the plan says" in texts(flown)) == wrong
+    request = command(40.0, 178, param1=1.0, param2=speed_m_s)
+    flown = evidence(more=[request], text=TEXT.replace("speed_m_s: 5\n", ""))
+    assert ("m/s, the plan has" in texts(flown)) == wrong
 
 
 @pytest.mark.parametrize(

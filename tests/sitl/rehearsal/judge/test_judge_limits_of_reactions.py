@@ -40,9 +40,9 @@ def hovering(until_s, *, lands=False):
 
 def coming_home(lands_s, **others):
     """What is found of a way home that it announced at 40 s, 60 m from there, and does not fly."""
-    said = [CRUISE, (40.0, "40.0 s  coming home: battery at 25%")]
-    return "it says that it comes home" in texts(
-        flight(hovering(lands_s, lands=True), said=said, **others)
+    announced = [CRUISE, (40.0, "40.0 s  coming home: battery at 25%")]
+    return "it announced that it comes home" in texts(
+        flight(hovering(lands_s, lands=True), announced=announced, **others)
     )
 
 
@@ -79,7 +79,7 @@ def test_a_way_home_keeps_two_metres_more_than_the_clearance(gap_m, late):
 
 
 @pytest.mark.parametrize(("silent_s", "late"), [(3.0, True), (8.0, False)])
-def test_a_companion_that_hears_nothing_for_five_seconds_brings_nothing_home(silent_s, late):
+def test_a_companion_that_receives_nothing_for_five_seconds_brings_nothing_home(silent_s, late):
     assert coming_home(100.0, spoil=between(46.0, 46.0 + silent_s)) == late
 
 
@@ -92,18 +92,18 @@ def test_a_changed_file_is_on_board_within_thirty_seconds_and_the_way_goes_on(la
 # Requests and announcements.
 
 
-def asked(verb, answer, *, later_s=0.1, states=HOVERS, more=()):
-    """What is found of a flight in which that was asked for: at 70 s, or at 40 s of others."""
+def requested(verb, answer, *, later_s=0.1, states=HOVERS, more=()):
+    """What is found of a flight with this request: at 70 s, or at 40 s of others."""
     at_s = 70.0 if states is HOVERS else 40.0
     request = (SceneEvent(at_s, SceneEventKind.REQUEST, verb),)
     lines = [CRUISE, (at_s + later_s, f"the operator: {answer}")]
     lines += [(at_s + 0.2, f"{at_s + 0.2} s  INIT -> HOLD")] if verb == "hold" else []
-    return texts(flight(states, happenings=request, said=lines, more=more))
+    return texts(flight(states, happenings=request, announced=lines, more=more))
 
 
 @pytest.mark.parametrize(("later_s", "wrong"), [(0.6, False), (2.0, True)])
 def test_a_request_is_answered_within_a_second(later_s, wrong):
-    found = asked("hold", "accepted: it stops and hovers", later_s=later_s)
+    found = requested("hold", "accepted: it stops and hovers", later_s=later_s)
     assert ("hold was not answered" in found) == wrong
 
 
@@ -111,13 +111,13 @@ def test_a_request_is_answered_within_a_second(later_s, wrong):
     ("leg_s", "wrong"), [(70.7, False), (72.0, True), (81.0, True), (83.0, False)]
 )
 def test_a_hold_is_sent_within_a_second_and_looked_at_for_twelve(leg_s, wrong):
-    found = asked("hold", "accepted: it stops and hovers", more=[goto(leg_s, 60, 0)])
+    found = requested("hold", "accepted: it stops and hovers", more=[goto(leg_s, 60, 0)])
     assert ("a leg, though a hold was accepted" in found) == wrong
 
 
 @pytest.mark.parametrize(("later_s", "wrong"), [(4.0, False), (8.0, True)])
 def test_a_way_home_is_begun_within_five_seconds(later_s, wrong):
-    found = asked("home", "accepted: it comes home", more=[goto(70.0 + later_s, 0, 0)])
+    found = requested("home", "accepted: it comes home", more=[goto(70.0 + later_s, 0, 0)])
     assert ("though a way was accepted" in found) == wrong
 
 
@@ -126,10 +126,10 @@ def test_a_way_home_is_begun_within_five_seconds(later_s, wrong):
     [(56.0, 0.0, False), (63.0, 0.0, True), (50.0, 1.2, False), (50.0, 3.0, True)],
 )
 def test_another_altitude_is_flown_at_within_six_seconds_and_the_climb(there_s, off_m, wrong):
-    """10 m higher, asked for at 40 s: within 18.5 s, to 1.5 m."""
+    """10 m higher, requested at 40 s: within 18.5 s, to 1.5 m."""
     flies = True, False, MISSION
     states = [*hovering(there_s), *[(60.0, 0.0, 50.0 - off_m, *flies)] * 1600]
-    found = asked("altitude 50", "accepted: it climbs", states=states)
+    found = requested("altitude 50", "accepted: it climbs", states=states)
     assert ("though 50.0 m was accepted" in found) == wrong
 
 
@@ -137,15 +137,17 @@ def at_the_last_point(away_m, note="", text=TEXT):
     """What is found of two points of which the first is so far beside the way."""
     points = [FRAME.degrees(east, north) for east, north in ((60 + away_m, 0), (60, 60))]
     verb = "goto " + " ".join(f"{lat},{lon}" for lat, lon in points)
-    said = [
+    announced = [
         (40.0, "40.0 s  READY -> INIT"),
         (70.0, "70.0 s  INIT -> GOTO"),
         (70.0, f"70.0 s  the operator: accepted: it flies to 2 points{note}"),
         (96.0, "96.0 s  at the last point"),
     ]
     scene = (SceneEvent(70.0, SceneEventKind.REQUEST, verb),)
-    found = texts(flight(said=said, happenings=scene, text=text, more=[goto(71.0, 60, 0)]))
-    return "says that it is at the last one" in found
+    found = texts(
+        flight(announced=announced, happenings=scene, text=text, more=[goto(71.0, 60, 0)])
+    )
+    return "reports the last one as reached" in found
 
 
 @pytest.mark.parametrize(("away_m", "wrong"), [(4.0, False), (8.0, True)])
@@ -162,18 +164,18 @@ def test_a_point_in_a_zone_is_flown_to_as_near_as_that_allows(away_m, wrong):
 
 
 @pytest.mark.parametrize(("speed_m_s", "wrong"), [(1.2, False), (3.0, True)])
-def test_a_vehicle_stands_where_it_is_told_to_land(speed_m_s, wrong):
+def test_a_vehicle_stands_where_it_is_commanded_to_land(speed_m_s, wrong):
     flies = 40.0, True, False, MISSION
     states = hovering(39.0) + [(60.0, n * speed_m_s / 20, *flies) for n in range(200)]
-    found = asked("land", "accepted: it lands where it hovers", states=states)
-    assert ("told to land at" in found) == wrong
+    found = requested("land", "accepted: it lands where it hovers", states=states)
+    assert ("a landing was commanded at" in found) == wrong
 
 
 @pytest.mark.parametrize(("later_s", "wrong"), [(0.6, False), (2.0, True)])
 def test_an_announcement_is_sent_within_a_second(later_s, wrong):
     sent = {"text": "air_router: coming home: it is late", "severity": 6}
     more = [WireMessage(50.0 + later_s, 1, 191, 0, "STATUSTEXT", sent)]
-    found = texts(flight(said=[(50.0, "    50.0 s  coming home: it is late")], more=more))
+    found = texts(flight(announced=[(50.0, "    50.0 s  coming home: it is late")], more=more))
     assert ("was not sent to the ground station" in found) == wrong
 
 
@@ -188,24 +190,24 @@ def test_an_announcement_is_sent_within_a_second(later_s, wrong):
         (5.0, 32.0, 0.25, False),  # by 8 m
     ],
 )
-def test_what_hovers_in_a_zone_is_told_to_the_pilot(deep_m, lasts_s, speed_m_s, wrong):
+def test_a_vehicle_that_hovers_in_a_zone_alarms_the_pilot(deep_m, lasts_s, speed_m_s, wrong):
     """Within 28 s, unless it moves by more than 4 m."""
-    assert ("not a word to the pilot" in in_the_shed(deep_m, lasts_s, speed_m_s)) == wrong
+    assert ("without an alarm" in in_the_shed(deep_m, lasts_s, speed_m_s)) == wrong
 
 
 @pytest.mark.parametrize(("sooner_s", "wrong"), [(8.0, False), (20.0, True)])
 def test_an_alarm_counts_for_twelve_seconds(sooner_s, wrong):
-    said = [(40.0 - sooner_s, "ALARM: too near. Pilot: take over")]
-    assert ("not a word to the pilot" in in_the_shed(5.0, 32.0, 0.0, said)) == wrong
+    announced = [(40.0 - sooner_s, "ALARM: too near. Pilot: take over")]
+    assert ("without an alarm" in in_the_shed(5.0, 32.0, 0.0, announced)) == wrong
 
 
-def in_the_shed(deep_m, lasts_s, speed_m_s, said=()):
+def in_the_shed(deep_m, lasts_s, speed_m_s, announced=()):
     """What is found of a vehicle that is in the shed from 40 s on, at its western side."""
     flies = 40.0, True, False, MISSION
     inside = [
         (20.0 + deep_m, 25.0 + n * speed_m_s / 20, *flies) for n in range(round(lasts_s * 20))
     ]
-    return texts(evidence(hovering(40.0) + inside, said=said))
+    return texts(evidence(hovering(40.0) + inside, announced=announced))
 
 
 @pytest.mark.parametrize(
@@ -214,12 +216,12 @@ def in_the_shed(deep_m, lasts_s, speed_m_s, said=()):
 )
 def test_over_anothers_fence_the_vehicle_is_left_to_the_pilot_at_once(sooner_s, later_s, wrong):
     """Within 45 s of that fence, and within 5 s of its own that is not on board."""
-    said = [
+    announced = [
         (80.0, "the changed fence is not on board: it is another's"),
         (80.0 + later_s, "hands off: another plan is on board"),
     ]
     changed = (SceneEvent(80.0 - sooner_s, SceneEventKind.FENCE_CHANGED, "added"),)
-    found = texts(evidence(track(ROUND * 5), said=said, happenings=changed))
+    found = texts(evidence(track(ROUND * 5), announced=announced, happenings=changed))
     assert ("though its fence is not on board" in found) == wrong
 
 

@@ -1,4 +1,4 @@
-"""The judge about robots: by hand, what they said and took, and what was made of it."""
+"""The judge about robots: what they sent and took, and what the companion made of it."""
 
 import dataclasses
 import json
@@ -31,22 +31,22 @@ goals_from: [europa]
 
 def pose(robot, at=HERE, **fields):
     latitude, longitude = FRAME.degrees(*at)
-    said = {"stamp_s": 1.0, "latitude_deg": latitude, "longitude_deg": longitude, **fields}
-    return robot, "/pose", json.dumps(said).encode()
+    body = {"stamp_s": 1.0, "latitude_deg": latitude, "longitude_deg": longitude, **fields}
+    return robot, "/pose", json.dumps(body).encode()
 
 
 def goals(robot, last=HERE, **fields):
-    said = {"stamp_s": 5.0, "id": "1", "points": [FRAME.degrees(*last)], **fields}
-    return robot, "/goals", json.dumps(said).encode()
+    body = {"stamp_s": 5.0, "id": "1", "points": [FRAME.degrees(*last)], **fields}
+    return robot, "/goals", json.dumps(body).encode()
 
 
-def synced(at_s, way="in", began_s=None, robot="io", told=()):
+def synced(at_s, way="in", began_s=None, robot="io", messages=()):
     began_s = at_s - 1.0 if began_s is None else began_s
-    return SceneEvent(at_s, SceneEventKind.SYNCED, (robot, way, began_s, list(told)))
+    return SceneEvent(at_s, SceneEventKind.SYNCED, (robot, way, began_s, list(messages)))
 
 
 def changes(*states, robot="io"):
-    """The mission's states, and when each begins; that it seeks io is said as well."""
+    """The mission's states, and when each begins; that it seeks io is announced as well."""
     before = "READY"
     for at_s, state in states:
         yield at_s, f"  {at_s:.1f} s  {before} -> {state}"
@@ -58,8 +58,8 @@ def changes(*states, robot="io"):
 def found(  # noqa: PLR0913 - what a flight may differ in
     *states, happenings, robot="io", also=(), more=(), flown=HOVERS, text=TEXT + MORE
 ):
-    said = [*changes((10.0, "INIT"), *states, robot=robot), *also]
-    flown = evidence(flown, said=said, more=more)
+    announced = [*changes((10.0, "INIT"), *states, robot=robot), *also]
+    flown = evidence(flown, announced=announced, more=more)
     flown = dataclasses.replace(
         flown, mission_text=text, happenings=[MET, *happenings], uav="titan"
     )
@@ -68,8 +68,8 @@ def found(  # noqa: PLR0913 - what a flight may differ in
 
 MET = synced(1.0, robot="ariel")
 MEETS = ((60.0, "SEARCH"), (75.0, "COMM"), (77.5, "EXPL"))
-HEARD = synced(75.0, told=[pose("io")])
-BOTH = (HEARD, synced(77.5, began_s=76.0), synced(77.4, "out", began_s=76.0))
+RECEIVED = synced(75.0, messages=[pose("io")])
+BOTH = (RECEIVED, synced(77.5, began_s=76.0), synced(77.4, "out", began_s=76.0))
 
 
 def test_who_is_met_and_exchanged_with_is_left():
@@ -77,12 +77,16 @@ def test_who_is_met_and_exchanged_with_is_left():
 
 
 @pytest.mark.parametrize(
-    ("states", "happenings", "words"),
+    ("states", "happenings", "expected"),
     [
         (MEETS, BOTH[1:], "COMM begins"),
-        (MEETS, (synced(75.0, robot="europa", told=[pose("io")]), *BOTH[1:]), "COMM begins"),
-        (MEETS, (synced(75.0, told=[pose("io", (0, 2e6))]), *BOTH[1:]), "COMM begins"),
-        (MEETS, (synced(75.0, told=[pose("io", stamp_s=float("nan"))]), *BOTH[1:]), "COMM begins"),
+        (MEETS, (synced(75.0, robot="europa", messages=[pose("io")]), *BOTH[1:]), "COMM begins"),
+        (MEETS, (synced(75.0, messages=[pose("io", (0, 2e6))]), *BOTH[1:]), "COMM begins"),
+        (
+            MEETS,
+            (synced(75.0, messages=[pose("io", stamp_s=float("nan"))]), *BOTH[1:]),
+            "COMM begins",
+        ),
         (MEETS, BOTH[:2], "COMM ends after 2.5 s"),
         (MEETS, (*BOTH[:2], synced(77.4, "out", began_s=70.0)), "COMM ends after 2.5 s"),
         (MEETS, (*BOTH[:2], synced(77.4, "out", robot="europa")), "COMM ends after 2.5 s"),
@@ -90,12 +94,12 @@ def test_who_is_met_and_exchanged_with_is_left():
         ((*MEETS[:2], (88.0, "EXPL")), BOTH[:1], "goes on"),
     ],
 )
-def test_contact_begins_it_and_exchange_ends_it(states, happenings, words):
-    assert any(words in text for text in found(*states, happenings=happenings))
+def test_contact_begins_it_and_exchange_ends_it(states, happenings, expected):
+    assert any(expected in text for text in found(*states, happenings=happenings))
 
 
 @pytest.mark.parametrize(
-    ("told", "good"),
+    ("messages", "good"),
     [
         ([pose("io")], True),
         ([pose("io", (HERE[0] - 10.0, HERE[1]))], True),
@@ -105,9 +109,9 @@ def test_contact_begins_it_and_exchange_ends_it(states, happenings, words):
         ([], False),
     ],
 )
-def test_it_waits_where_the_robot_said_that_it_is_or_at_a_waypoint(told, good):
+def test_it_waits_at_the_last_position_of_the_robot_or_at_a_waypoint(messages, good):
     waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
-    received = [synced(50.0, robot="europa", told=told)]
+    received = [synced(50.0, robot="europa", messages=messages)]
     arrives = [(75.0, "at the search position of io")]
     assert bool(found(*waits, happenings=received, also=arrives)) is not good
 
@@ -118,36 +122,36 @@ def test_where_it_waits_only_what_applies_there_keeps_it_from_a_robot(lower_m, g
     circle = f"circle: {{centre: [{HERE[0] - 40.0}, {HERE[1]}], radius_m: 38}}"
     zone = f"  - {{name: sky, {circle}, altitude: {{lower_m: {lower_m}}}}}\n"
     waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
-    told = [pose("io", (HERE[0] - 40.0, HERE[1]))]
-    received = [synced(50.0, robot="europa", told=told)]
+    messages = [pose("io", (HERE[0] - 40.0, HERE[1]))]
+    received = [synced(50.0, robot="europa", messages=messages)]
     arrives = [(75.0, "at the search position of io")]
     texts = found(*waits, happenings=received, also=arrives, text=TEXT + zone + MORE)
     assert bool(texts) is not good
 
 
 @pytest.mark.parametrize(("started_s", "good"), [(40.0, False), (55.0, True)])
-def test_who_was_started_since_knows_not_what_was_said_before(started_s, good):
+def test_a_companion_that_was_started_since_knows_no_earlier_positions(started_s, good):
     waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
-    told = [pose("io", (HERE[0] - 40.0, HERE[1]))]
+    messages = [pose("io", (HERE[0] - 40.0, HERE[1]))]
     started = SceneEvent(started_s, SceneEventKind.STARTED)
-    received = [started, synced(50.0, robot="europa", told=told)]
+    received = [started, synced(50.0, robot="europa", messages=messages)]
     arrives = [(75.0, "at the search position of io")]
     texts = found(*waits, happenings=received, also=arrives)
-    assert any("where it said" in text for text in texts) is not good
+    assert any("its last position" in text for text in texts) is not good
 
 
 @pytest.mark.parametrize(("every_s", "bad"), [(0.4, True), (1.0, True), (1.5, False), (2.0, False)])
 def test_no_robot_sends_it_about_many_times_a_second(every_s, bad):
     stays = (*MEETS[:2], (83.5, "EXPL"))
     sent = [goto(75.1 + every_s * n, HERE[0] + n % 2, HERE[1]) for n in range(6)]
-    texts = found(*stays, happenings=(HEARD,), more=[m for m in sent if m.time_s < 83.5])
+    texts = found(*stays, happenings=(RECEIVED,), more=[m for m in sent if m.time_s < 83.5])
     assert any("sent to 6 places" in text for text in texts) is bad
 
 
 def test_a_place_that_a_robot_cannot_have_driven_to_is_none_to_wait_at():
     waits = ((60.0, "SEARCH"), (85.0, "EXPL"))
     jumps = [pose("io"), pose("io", (HERE[0] - 60.0, HERE[1]), stamp_s=2.0)]
-    received = [synced(50.0, robot="europa", told=jumps)]
+    received = [synced(50.0, robot="europa", messages=jumps)]
     arrives = [(75.0, "at the search position of io")]
     assert not found(*waits, happenings=received, also=arrives)
 
@@ -156,9 +160,9 @@ WAITS = ((60.0, "SEARCH"), (85.0, "EXPL"))
 ARRIVES = [(75.0, "at the search position of io")]
 
 
-def heard_at(*told):
-    """Another robot handed that over."""
-    return [synced(50.0, robot="europa", told=told)]
+def handed_over(*messages):
+    """Another robot handed these messages over."""
+    return [synced(50.0, robot="europa", messages=messages)]
 
 
 @pytest.mark.parametrize(("away_m", "good"), [(22.0, True), (24.0, False)])
@@ -166,15 +170,17 @@ def test_over_a_robot_in_a_zone_it_hovers_as_near_as_that_allows(away_m, good):
     """3 m of the zone, 5 m of clearance, 1.5 m of margin, 8 m to drive, and 5 m of slack."""
     place = (HERE[0] + away_m, HERE[1])
     zone = f"  - {{circle: {{centre: [{place[0]}, {place[1]}], radius_m: 3}}}}\n"
-    told = heard_at(pose("io", place))
-    assert bool(found(*WAITS, happenings=told, also=ARRIVES, text=TEXT + zone + MORE)) is not good
+    messages = handed_over(pose("io", place))
+    assert (
+        bool(found(*WAITS, happenings=messages, also=ARRIVES, text=TEXT + zone + MORE)) is not good
+    )
 
 
 @pytest.mark.parametrize(("jump_m", "believed"), [(14.0, True), (20.0, False)])
 def test_a_robot_drives_six_metres_a_second_and_its_position_is_ten_off(jump_m, believed):
     """It hovers where the robot was a second ago."""
-    told = heard_at(pose("io"), pose("io", (HERE[0] - jump_m, HERE[1]), stamp_s=2.0))
-    assert bool(found(*WAITS, happenings=told, also=ARRIVES)) is believed
+    messages = handed_over(pose("io"), pose("io", (HERE[0] - jump_m, HERE[1]), stamp_s=2.0))
+    assert bool(found(*WAITS, happenings=messages, also=ARRIVES)) is believed
 
 
 @pytest.mark.parametrize(("speed_m_s", "good"), [(0.8, True), (0.3, False)])
@@ -183,12 +189,12 @@ def test_what_moves_follows_a_robot(speed_m_s, good):
         (east + speed_m_s * (n - 1400) / 20, *rest) if 1400 <= n < 1800 else (east, *rest)
         for n, (east, *rest) in enumerate(HOVERS)
     ]
-    told = heard_at(pose("io", (HERE[0] - 40.0, HERE[1])))
-    assert bool(found(*WAITS, happenings=told, also=ARRIVES, flown=moves)) is not good
+    messages = handed_over(pose("io", (HERE[0] - 40.0, HERE[1])))
+    assert bool(found(*WAITS, happenings=messages, also=ARRIVES, flown=moves)) is not good
 
 
 @pytest.mark.parametrize(("later_s", "good"), [(0.6, True), (1.6, False)])
-def test_contact_begins_within_a_second_of_what_a_robot_says(later_s, good):
+def test_contact_begins_within_a_second_of_a_robots_position(later_s, good):
     meets = (MEETS[0], (75.0 + later_s, "COMM"), MEETS[2])
     texts = found(*meets, happenings=BOTH)
     assert any("COMM begins" in text for text in texts) is not good
@@ -196,7 +202,7 @@ def test_contact_begins_within_a_second_of_what_a_robot_says(later_s, good):
 
 @pytest.mark.parametrize(("away_m", "good"), [(5e3, True), (20e3, False)])
 def test_no_robot_is_farther_away_than_ten_kilometres(away_m, good):
-    received = synced(75.0, told=[pose("io", (0, away_m))])
+    received = synced(75.0, messages=[pose("io", (0, away_m))])
     texts = found(*MEETS, happenings=(received, *BOTH[1:]))
     assert any("COMM begins" in text for text in texts) is not good
 
@@ -208,19 +214,21 @@ def test_contact_ends_within_a_second_and_a_half_of_the_exchange(until_s, good):
 
 
 @pytest.mark.parametrize(("lasts_s", "good"), [(20.0, True), (30.0, False)])
-def test_contact_lasts_for_twenty_seconds_where_the_file_does_not_say(lasts_s, good):
+def test_contact_lasts_for_twenty_seconds_without_a_time_in_the_file(lasts_s, good):
     """What is exchanged just before its end would end it as well."""
     over_s = 75.0 + lasts_s - 0.1
     exchanged = [synced(over_s, way, began_s=76.0) for way in ("in", "out")]
     text = TEXT + MORE.replace(", communicate_s: 8", "")
-    texts = found(*MEETS[:2], (75.0 + lasts_s, "EXPL"), happenings=(HEARD, *exchanged), text=text)
+    texts = found(
+        *MEETS[:2], (75.0 + lasts_s, "EXPL"), happenings=(RECEIVED, *exchanged), text=text
+    )
     assert any("goes on" in text for text in texts) is not good
 
 
 @pytest.mark.parametrize(("later_s", "good"), [(8.0, True), (20.0, False)])
 def test_goals_are_flown_to_within_twelve_seconds(later_s, good):
     goes = ((59.9 + later_s, "GOTO"), (88.0, "EXPL"))
-    texts = found(*goes, happenings=[synced(59.9, told=[goals("europa")])])
+    texts = found(*goes, happenings=[synced(59.9, messages=[goals("europa")])])
     assert any("not flown to" in text for text in texts) is not good
 
 
@@ -228,7 +236,7 @@ GOES = ((60.0, "GOTO"), (88.0, "EXPL"))
 
 
 @pytest.mark.parametrize(
-    ("states", "told", "words"),
+    ("states", "message", "expected"),
     [
         (GOES, goals("europa"), ""),
         (GOES, goals("io"), "no robot that may send it"),
@@ -239,10 +247,10 @@ GOES = ((60.0, "GOTO"), (88.0, "EXPL"))
         (((60.0, "SEARCH"),), goals("io"), ""),
     ],
 )
-def test_only_goals_of_named_robots_are_flown_to(states, told, words):
-    wrong = found(*states, happenings=[synced(59.9, told=[told])])
-    assert words in "".join(wrong)
-    assert bool(wrong) is bool(words)
+def test_only_goals_of_named_robots_are_flown_to(states, message, expected):
+    wrong = found(*states, happenings=[synced(59.9, messages=[message])])
+    assert expected in "".join(wrong)
+    assert bool(wrong) is bool(expected)
 
 
 TWO = """

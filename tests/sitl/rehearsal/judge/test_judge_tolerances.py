@@ -1,6 +1,6 @@
 """The judge's tolerances bite: what is just within them is good, what is just beyond is not.
 
-`python -m benchmarks.tolerances` moves each of them, and says which of these flights shows it.
+`python -m benchmarks.tolerances` moves each of them, and prints which of these flights shows it.
 """
 
 import pytest
@@ -50,7 +50,7 @@ def test_an_estimate_that_is_right_again_excuses_for_eight_seconds(until_s, wron
 
 @pytest.mark.parametrize(("deep_m", "wrong"), [(0.3, False), (0.8, True)])
 def test_half_a_metre_deep_in_a_zone_it_is_given_away(deep_m, wrong):
-    flown = flight(past_the_shed(-deep_m), said=[(30.0, "30.0 s  too near to shed")])
+    flown = flight(past_the_shed(-deep_m), announced=[(30.0, "30.0 s  too near to shed")])
     assert ("flown on with after a breach" in texts(flown)) == wrong
 
 
@@ -60,16 +60,18 @@ def test_items_on_board_are_where_the_file_has_them(off_m, wrong):
     assert ("plan" in kinds(evidence(messages=list(moved)))) == wrong
 
 
-@pytest.mark.parametrize(("off_m", "words"), [(0.7, "from every waypoint"), (0.4, "")])
-def test_items_are_no_farther_than_half_a_metre_from_any_waypoint(off_m, words):
+@pytest.mark.parametrize(("off_m", "expected"), [(0.7, "from every waypoint"), (0.4, "")])
+def test_items_are_no_farther_than_half_a_metre_from_any_waypoint(off_m, expected):
     moved = upload(waypoints=((60, off_m), (60, 60), (0, 60)))
-    assert ("from every waypoint" in texts(evidence(messages=list(moved)))) == bool(words)
+    assert ("from every waypoint" in texts(evidence(messages=list(moved)))) == bool(expected)
 
 
-@pytest.mark.parametrize(("z", "words"), [(39.2, ""), (38.7, "the plan flies"), (41.3, "the plan")])
-def test_items_are_no_farther_than_a_metre_from_the_altitudes(z, words):
+@pytest.mark.parametrize(
+    ("z", "expected"), [(39.2, ""), (38.7, "the plan flies"), (41.3, "the plan")]
+)
+def test_items_are_no_farther_than_a_metre_from_the_altitudes(z, expected):
     found_texts = texts(evidence(messages=list(upload(z=z))))
-    assert ("the plan flies" in found_texts) == bool(words)
+    assert ("the plan flies" in found_texts) == bool(expected)
 
 
 @pytest.mark.parametrize(("height", "wrong"), [(44.8, False), (45.3, True), (35.2, False)])
@@ -96,13 +98,13 @@ def test_it_is_home_where_it_lands(away_m, wrong):
 
 
 @pytest.mark.parametrize(("speed_m_s", "wrong"), [(5.05, False), (5.3, True)])
-def test_no_speed_is_asked_for_above_the_missions(speed_m_s, wrong):
-    asks = ours(40.0, "COMMAND_LONG", command=178, param1=1.0, param2=speed_m_s)
-    assert ("speed" in kinds(evidence(more=[asks]))) == wrong
+def test_no_speed_is_requested_above_the_missions(speed_m_s, wrong):
+    request = ours(40.0, "COMMAND_LONG", command=178, param1=1.0, param2=speed_m_s)
+    assert ("speed" in kinds(evidence(more=[request]))) == wrong
 
 
 @pytest.mark.parametrize(("above", "wrong"), [(42.5, False), (44.0, True), (36.0, True)])
-def test_no_altitude_is_asked_for_but_the_missions(above, wrong):
+def test_no_altitude_is_requested_but_the_missions(above, wrong):
     assert ("height" in kinds(evidence(more=[goto(45.0, 0, 60, above)]))) == wrong
 
 

@@ -45,14 +45,16 @@ def test_a_vehicle_that_is_near_already_may_be_sent_as_near():
     assert "routes keep" not in texts(flown)
 
 
-def landing(at, below="", *, asked=True, others=""):
+def landing(at, below="", *, requested=True, others=""):
     """A flight that holds, and lands, there."""
     states = track(((0, 0), at, at))
-    told_s = 20 * 0.05 + 40 / 2.0 + (at[0] ** 2 + at[1] ** 2) ** 0.5 / 5.0 - 0.1
-    said = [(told_s, f"{told_s:.1f} s  the operator: accepted: it lands where it hovers")]
-    requests = (SceneEvent(told_s - 0.1, SceneEventKind.REQUEST, "land"),) if asked else ()
-    how = {"said": said, "happenings": requests, "faults": ("LANDED_HERE",)}
-    return evidence(states, more=[command(told_s, LAND)], text=TEXT + below + others, **how)
+    commanded_s = 20 * 0.05 + 40 / 2.0 + (at[0] ** 2 + at[1] ** 2) ** 0.5 / 5.0 - 0.1
+    announced = [
+        (commanded_s, f"{commanded_s:.1f} s  the operator: accepted: it lands where it hovers")
+    ]
+    requests = (SceneEvent(commanded_s - 0.1, SceneEventKind.REQUEST, "land"),) if requested else ()
+    how = {"announced": announced, "happenings": requests, "faults": ("LANDED_HERE",)}
+    return evidence(states, more=[command(commanded_s, LAND)], text=TEXT + below + others, **how)
 
 
 @pytest.mark.parametrize(
@@ -68,9 +70,9 @@ def test_it_lands_into_nothing_that_is_below(below, wrong):
     assert ("which is below" in texts(landing((60, 0), below))) == wrong
 
 
-def test_it_lands_elsewhere_only_if_it_was_asked_to():
-    assert "unasked" in texts(landing((60, 0), asked=False))
-    assert "unasked" not in texts(landing((60, 0)))
+def test_it_lands_elsewhere_only_if_requested():
+    assert "without a request" in texts(landing((60, 0), requested=False))
+    assert "without a request" not in texts(landing((60, 0)))
 
 
 @pytest.mark.parametrize(("altitude_m", "wrong"), [(28, True), (52, False)])
@@ -81,21 +83,21 @@ def test_it_lands_through_no_layer_of_another(altitude_m, wrong):
 
 
 @pytest.mark.parametrize(
-    ("changed", "words"),
+    ("changed", "expected"),
     [
         (upload(), ""),
         (upload(waypoints=((60, 60), (60, 0), (0, 60))), "item 3 is 60.0 m from its place"),
         (upload(waypoints=((60, 0.42), (60, 60), (0, 60))), "item 3 is 0.4"),
-        (upload(z=40.4), "the file says 40.0 m"),
+        (upload(z=40.4), "the file has 40.0 m"),
         (upload(param2={**PARAM2, 16: 9.0}), "counts as reached from 9.0 m"),
         (upload(param2={**PARAM2, 178: 5.5}), "the speed on board is 5.50 m/s"),
         (upload(waypoints=(*ROUND[1:-1], (0, 60))), "not speed, take-off, home and every waypoint"),
     ],
 )
-def test_what_is_on_board_is_in_its_order_and_exact(changed, words):
+def test_what_is_on_board_is_in_its_order_and_exact(changed, expected):
     found_texts = texts(evidence(messages=list(changed)))
-    assert words in found_texts
-    assert bool(found_texts) == bool(words)
+    assert expected in found_texts
+    assert bool(found_texts) == bool(expected)
 
 
 def test_a_waypoint_is_left_out_only_where_an_area_keeps_it_out():
@@ -106,21 +108,21 @@ def test_a_waypoint_is_left_out_only_where_an_area_keeps_it_out():
 
 
 @pytest.mark.parametrize(
-    ("said", "wrong"),
+    ("announced", "wrong"),
     [
         ("wind 6 m/s from west", set()),
-        ("wind 6 m/s from north-west", {"told"}),
-        ("wind 6 m/s from north", {"told"}),
-        ("wind 6 m/s from east", {"told"}),
-        ("wind 9 m/s from west", {"told"}),
+        ("wind 6 m/s from north-west", {"report"}),
+        ("wind 6 m/s from north", {"report"}),
+        ("wind 6 m/s from east", {"report"}),
+        ("wind 9 m/s from west", {"report"}),
     ],
 )
-def test_the_wind_is_told_as_it_is(said, wrong):
+def test_the_wind_is_announced_as_it_is(announced, wrong):
     blows = [
         WireMessage(50.0 + n / 2, 1, 1, 0, "WIND_COV", {"wind_x": 0.2, "wind_y": 6.0})
         for n in range(20)
     ]
-    flown = flight(said=[(55.0, f"INIT   |  3 s left | {said}")])
+    flown = flight(announced=[(55.0, f"INIT   |  3 s left | {announced}")])
     received = sorted((*flown.received, *blows), key=lambda m: m.time_s)
     assert found(dataclasses.replace(flown, received=received)) == wrong
     assert found(flown) == set()  # nothing is known of it
