@@ -24,7 +24,7 @@ if PROFILE == "suite":
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Flights are recorded below the user's state unless told otherwise; those of the tests are not.
+# Flights are recorded below the user's state by default; those of the tests are not.
 _STATE = tempfile.TemporaryDirectory(prefix="air-router-tests-")
 os.environ["XDG_STATE_HOME"] = _STATE.name
 
@@ -65,7 +65,7 @@ def pytest_collection_finish():
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
     """Every file stays on one worker, and so does every group (`--dist loadgroup`)."""
-    from xdist.scheduler import LoadGroupScheduling  # noqa: PLC0415 - there if it asks for this
+    from xdist.scheduler import LoadGroupScheduling  # noqa: PLC0415 - installed where this hook runs
 
     class FilesAndGroups(LoadGroupScheduling):
         def _split_scope(self, nodeid):

@@ -85,7 +85,7 @@ class Airframe:
         self.target_altitude_m = None
         self.track = []
         self.noise_m = 0.0
-        self.shown = {}  # told in place of what is so
+        self.shown = {}  # reported in place of the true values
         self._chance = random.Random(1)
 
     def take_off(self):
@@ -117,13 +117,13 @@ class Airframe:
                 self.in_air = self.armed = False
 
     def _voltage_v(self):
-        """Of four cells, as it falls with the charge; unless a test says that it does not."""
+        """Of four cells, as it falls with the charge; unless a test sets it."""
         if self.voltage_v is not None or self.battery is None:
             return self.voltage_v
         return 14.0 + 2.8 * self.battery
 
     def telemetry(self):
-        told = Telemetry(
+        telemetry = Telemetry(
             time_s=self.now_s,
             position=self._measured(),
             altitude_m=self.altitude_m,
@@ -138,7 +138,7 @@ class Airframe:
             fix=self.fix,
             home_moved=self.home_moved,
         )
-        return dataclasses.replace(told, **self.shown)
+        return dataclasses.replace(telemetry, **self.shown)
 
     def _measured(self):
         if not self.noise_m:
@@ -162,7 +162,7 @@ LONGEST_S = 3600.0
 
 
 class PretendFlight(Airframe):
-    """Flies a controller among robots that can be heard within a radius."""
+    """Flies a controller among robots that the vehicle receives within a radius."""
 
     def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io"), **how):
         super().__init__(mission, how.pop("step_s", STEP_S))
@@ -223,12 +223,12 @@ class PretendFlight(Airframe):
         """Take off, and hover on request somewhere on the way."""
         self.take_off()
         self.fly_away()
-        self.operator_asks(HoldNow())
+        self.operator_requests(HoldNow())
         self.fly_for(6.0)
         assert self.controller.state is State.HOLD
 
     def plan_compared(self, difference=None, *, only_fence=False):
-        """The plan on board is replaced, and what differs is told at once."""
+        """The plan on board is replaced, and the difference is reported at once."""
         self.give(PlanReplaced(self.now_s, only_fence))
         self.give(PlanCompared(self.now_s, difference))
 
@@ -240,7 +240,7 @@ class PretendFlight(Airframe):
         self.target = self.target_altitude_m = None
         self.step()
 
-    def operator_asks(self, request):
+    def operator_requests(self, request):
         self.give(request)
         return next((a for a in reversed(self.actions) if isinstance(a, CommandAck)), None)
 
@@ -257,13 +257,13 @@ class PretendFlight(Airframe):
         return [a.target for a in self.actions if isinstance(a, StateChanged)]
 
     @property
-    def announced(self):
+    def announcements(self):
         return [a for a in self.actions if isinstance(a, Announce)]
 
     @property
-    def said(self):
-        """What was announced, without what pilot or operator are to do about it."""
-        return [a.text for a in self.announced]
+    def announced(self):
+        """The texts of the announcements, without the instructions to the pilot or operator."""
+        return [a.text for a in self.announcements]
 
     @property
     def motions(self):
@@ -287,7 +287,7 @@ class PretendFlight(Airframe):
                 self.finished = action
                 return
         if self.slow:
-            return  # what becomes of it, the test says
+            return  # the test decides what becomes of it
         if self.deaf:
             self.give(CommandFailed(action, "deaf"))
             return
@@ -386,7 +386,7 @@ def hovering(pretend):
 
 @pytest.fixture(scope="session")
 def flown():
-    """Flights that were flown somewhere once; a test that asks for one flies on with a copy."""
+    """Flights that were flown somewhere once; a test that requests one flies on with a copy."""
     kept = {}
 
     def copy_of(key, fly):

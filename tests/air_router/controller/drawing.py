@@ -57,9 +57,9 @@ def climbing(pretend):
     flight.altitude_m = 8.0
     flight.pilot_chooses(FlightMode.HOLD)
     flight.fly_for(3.0)
-    flight.operator_asks(GoOn())
+    flight.operator_requests(GoOn())
     flight.fly_for(2.0)
-    assert "climbing from 8 to 40 m first" in flight.said
+    assert "climbing from 8 to 40 m first" in flight.announced
     return flight
 
 

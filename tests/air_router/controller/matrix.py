@@ -72,10 +72,10 @@ def _seeking(make):
     return flight
 
 
-def _asked(request, before=_away):
+def _requested(request, before=_away):
     def fly(make):
         flight = before(make)
-        assert flight.operator_asks(request).accepted
+        assert flight.operator_requests(request).accepted
         flight.fly_for(2.0)
         return flight
 
@@ -102,7 +102,7 @@ def _idle(make):
 
 
 def _landing(make):
-    flight = _asked(requests.ComeHome())(make)
+    flight = _requested(requests.ComeHome())(make)
     flight.fly_to_state(State.LAND)
     flight.fly_for(2.0)
     return flight
@@ -127,10 +127,10 @@ STATES = {
     State.SEARCH: _seeking,
     State.COMM: _talking,
     State.IDLE: _idle,
-    State.EXPL: _asked(requests.ExploreNow(), _seeking),
-    State.GOTO: _asked(requests.GoTo(points=(ELSEWHERE,), hold_s=600.0)),
-    State.HOLD: _asked(requests.HoldNow()),
-    State.HOME: _asked(requests.ComeHome()),
+    State.EXPL: _requested(requests.ExploreNow(), _seeking),
+    State.GOTO: _requested(requests.GoTo(points=(ELSEWHERE,), hold_s=600.0)),
+    State.HOLD: _requested(requests.HoldNow()),
+    State.HOME: _requested(requests.ComeHome()),
     State.LAND: _landing,
     State.PASSIVE: _passive,
     State.DONE: _done,
@@ -258,14 +258,14 @@ class Cell:
     """What was decided in one cell.
 
     Attributes:
-        state: Asked for; `interlock` and `event` alike.
+        state: Selected; `interlock` and `event` alike.
         stood: The interlock stood when the event was given.
         then: The state at the end.
         ours: The vehicle was ours when the event was given; `ours_at_end` at the end.
         held_back: Commanded since the interlock was raised, before the event.
         motions: Commanded after the event, in order.
         answer: To the request; None: the event is none.
-        said: The severities and texts announced after the event.
+        announced: The severities and texts announced after the event.
         waiting: What kept the mission waiting at the end.
     """
 
@@ -279,7 +279,7 @@ class Cell:
     held_back: tuple[type, ...]
     motions: tuple[type, ...]
     answer: CommandAck | None
-    said: tuple[tuple[Severity, str], ...]
+    announced: tuple[tuple[Severity, str], ...]
     waiting: str | None
 
 
@@ -403,8 +403,8 @@ def table(cells, columns, column_of, words):
     for found in cells:
         row, column = column_of(found)
         rows.setdefault(row, {})[column] = words(found)
-    for row, told in rows.items():
-        lines.append(f"| {row} | {' | '.join(told[column] for column in columns)} |")
+    for row, texts in rows.items():
+        lines.append(f"| {row} | {' | '.join(texts[column] for column in columns)} |")
     return lines
 
 

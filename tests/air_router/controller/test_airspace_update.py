@@ -63,7 +63,7 @@ def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
     zone, commanded = box(ahead(flight, 40.0)), len(flight.motions)
     change(flight, zone)
     assert isinstance(flight.motions[-1], HoldHere)
-    assert "zones changed: 'new' is new" in flight.said
+    assert "zones changed: 'new' is new" in flight.announced
     assert boarding(flight) == 0  # it still moves: a fence on board would catch it
     flight.fly_until(lambda: boarding(flight) == 1, 10.0)
     assert math.hypot(*flight.velocity) < 0.5
@@ -93,7 +93,7 @@ def test_a_zone_that_is_drawn_above_a_climb_is_left_below_it(pretend, others):
     assert clear_of(flight, zone, since=-1) >= 5.0
     flight.give(PlanRenewed())
     flight.fly_for(9.0)
-    assert flight.said[-1] == "climbing from 11 to 40 m first"
+    assert flight.announced[-1] == "climbing from 11 to 40 m first"
     since = len(flight.track)
     flight.lands(600.0)
     assert clear_of(flight, zone, since) >= 5.0
@@ -120,12 +120,12 @@ def test_a_zone_that_it_has_left_is_a_breach_also_on_a_way_home_without_our_plan
     flight.fly_until(lambda: clear_of(flight, zone, since=-1) > 5.0, 60.0)
     flight.plan_compared("8 items")
     flight.fly_for(6.0)
-    assert flight.operator_asks(ComeHome()).accepted
+    assert flight.operator_requests(ComeHome()).accepted
     flight.fly_for(1.0)
     flight.position = Point(*zone.polygon.representative_point().coords[0])
     flight.step()
     assert flight.controller.state is State.PASSIVE
-    assert "hands off: breach of new is not resumed by itself" in flight.said
+    assert "hands off: breach of new is not resumed by itself" in flight.announced
 
 
 def test_a_leg_that_stays_clear_is_flown_on(pretend):
@@ -146,7 +146,7 @@ def test_a_vehicle_that_a_zone_is_drawn_over_leaves_it_first(pretend):
     flight, zone = drawn_over(pretend)
     flight.fly_until(lambda: boarding(flight) == 1, 60.0)
     assert clear_of(flight, zone, -1) > 4.0  # its place lies 6.5 m off, and it is near that
-    assert any(text.startswith("leaving no-fly zone 'new'") for text in flight.said)
+    assert any(text.startswith("leaving no-fly zone 'new'") for text in flight.announced)
     assert math.dist(flight.position, zone.shape.ring[0]) < 30.0  # by the shortest way
     left = len(flight.track)
     flight.give(PlanRenewed())
@@ -178,7 +178,7 @@ def test_an_order_before_zones_go_on_board_leaves_no_leg_that_is_not_flown(prete
 
 def test_a_hold_whose_confirmation_is_lost_does_not_keep_it_inside(pretend):
     flight, _ = drawn_over(pretend)
-    flight.fly_until(lambda: "leaving no-fly zone 'new'" in flight.said, 5.0)
+    flight.fly_until(lambda: "leaving no-fly zone 'new'" in flight.announced, 5.0)
     flight.act = lambda _: None
     flight.give(HoldNow())
     assert isinstance(flight.motions[-1], HoldHere)
@@ -195,7 +195,7 @@ def test_waypoints_in_a_zone_are_left_out_and_the_others_flown(pretend, airborne
     change(flight, box(inside.position))
     skipped = flight.controller.context.airspace.mission.skipped
     assert skipped == {10}
-    assert "waypoint 10 left out: no clear way leads there" in flight.said
+    assert "waypoint 10 left out: no clear way leads there" in flight.announced
     goes_on_board(flight)
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 3000.0)
     visited = {m.node for m in flight.motions if isinstance(m, FlyToNode)}
@@ -210,7 +210,7 @@ def test_a_waypoint_whose_zone_is_taken_away_is_flown_again(pretend):
     goes_on_board(flight)
     change(flight)
     assert flight.controller.exploration.remaining > remaining
-    assert any(text.endswith("flown again") for text in flight.said)
+    assert any(text.endswith("flown again") for text in flight.announced)
 
 
 def test_where_no_waypoint_is_left_it_goes_on_seeking(pretend):
@@ -277,16 +277,16 @@ def test_nothing_more_is_put_on_board_once_the_pilot_has_it(pretend, mode, ready
     assert objection() == "this program no longer commands the vehicle"
 
 
-@pytest.mark.parametrize("asked", [False, True])
+@pytest.mark.parametrize("requested", [False, True])
 def test_with_its_battery_at_the_reserve_it_comes_home_without_waiting_for_an_upload(
-    pretend, asked
+    pretend, requested
 ):
     flight = cruising(pretend, duration_s=2000.0)
     zone = box(ahead(flight, 40.0))
     change(flight, zone)
     flight.fly_until(lambda: boarding(flight) == 1, 10.0)
-    if asked:
-        answer = flight.operator_asks(ComeHome())
+    if requested:
+        answer = flight.operator_requests(ComeHome())
         assert "sets out once the changed zones are on board" in answer.why
         flight.fly_for(5.0)
         assert math.hypot(*flight.velocity) < 0.1
@@ -297,12 +297,13 @@ def test_with_its_battery_at_the_reserve_it_comes_home_without_waiting_for_an_up
     assert math.hypot(*flight.velocity) > 1.0
     assert {*map(type, moves(flight, commanded))} == {FlyToPoint}  # who knows what is on board
     assert (
-        "the changed fence is not on board: it comes home at once, for its battery" in flight.said
+        "the changed fence is not on board: it comes home at once, for its battery"
+        in flight.announced
     )
     assert flight.controller.airspace_update.objection() == "the mission goes on without it"
-    said = len(flight.said)
+    announced = len(flight.announced)
     flight.give(PlanRenewed("the transfer did not end"))
-    assert flight.said[said:] == []
+    assert flight.announced[announced:] == []
     flight.lands(600.0)
     assert clear_of(flight, zone) >= 5.0
 
@@ -361,7 +362,7 @@ def test_a_zone_that_is_drawn_over_the_climb_is_left_and_one_that_was_there_is_a
     assert isinstance(flight.motions[-1], HoldHere)
     flight.fly_for(2.0)
     assert flight.controller.state is State.PASSIVE
-    assert "hands off: breach of" in " ".join(flight.said)
+    assert "hands off: breach of" in " ".join(flight.announced)
 
 
 def test_what_changes_while_a_pilot_has_it_counts_and_goes_on_board_when_it_is_resumed(pretend):
@@ -379,8 +380,8 @@ def test_what_changes_while_a_pilot_has_it_counts_and_goes_on_board_when_it_is_r
     flight.lands(600.0)
 
 
-def test_a_leg_that_is_not_clear_any_more_is_held_for_once_its_mode_is_heard_again(pretend):
-    """Unheard, a pilot may have the vehicle: nothing is commanded."""
+def test_a_leg_that_is_not_clear_any_more_is_held_for_once_its_mode_is_received_again(pretend):
+    """While its mode is not received, a pilot may have the vehicle: nothing is commanded."""
     flight = cruising(pretend, duration_s=None)
     flight.shown = {"ages": Ages(mode_s=6.0)}
     flight.step()
@@ -411,11 +412,11 @@ def test_taken_back_on_its_way_to_another_s_place_it_stops_before_zones_go_on_bo
     assert clear_of(flight, zone) >= 5.0
 
 
-def test_who_may_ask_for_it_when(pretend):
+def test_who_may_request_it_when(pretend):
     flight = cruising(pretend)
 
     def answer():
-        return flight.operator_asks(Reload())
+        return flight.operator_requests(Reload())
 
     assert answer().accepted
     assert sum(isinstance(a, ReadAgain) for a in flight.actions) == 1
@@ -424,20 +425,20 @@ def test_who_may_ask_for_it_when(pretend):
     assert boarding(flight) == 1
     assert answer().code == "busy"
     change(flight, box((310.0, 310.0)))
-    assert "zones not changed" in flight.said[-1]
+    assert "zones not changed" in flight.announced[-1]
     flight.give(PlanRenewed())
     flight.give(PlanRenewed())  # of no upload
     flight.lands(600.0)
     assert answer().code == "flight-over"
     change(flight, box((300.0, 300.0)))
-    assert flight.said[-1] == "zones not changed: the flight is over"
+    assert flight.announced[-1] == "zones not changed: the flight is over"
 
 
-@pytest.mark.parametrize("asked_for", [False, True])
-def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(airborne, asked_for):
+@pytest.mark.parametrize("requested", [False, True])
+def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(airborne, requested):
     flight = airborne(explore=False, name="titan", duration_s=2000.0)
-    if asked_for:
-        flight.operator_asks(SeekNow("callisto"))
+    if requested:
+        flight.operator_requests(SeekNow("callisto"))
     assert flight.controller.context.task.robot == "callisto"
     known = flight.controller.search.targets.tracks["callisto"]
     tries = known.tries
@@ -450,7 +451,7 @@ def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(airborn
     )
     assert known.tries == tries
     flight.give(RobotSought("atlas", "callisto", 1.0))
-    assert flight.controller.context.task.robot == ("callisto" if asked_for else "europa")
+    assert flight.controller.context.task.robot == ("callisto" if requested else "europa")
 
 
 @pytest.mark.parametrize("elsewhere", [True, False])
@@ -459,7 +460,7 @@ def test_a_search_that_new_zones_send_elsewhere_has_its_time_from_there(pretend,
     flight.take_off()
     flight.give(RobotPose("io", Point(10.0, 10.0), 1.0, "callisto"))
     waits = "at the search position of io"
-    flight.fly_until(lambda: waits in flight.said)
+    flight.fly_until(lambda: waits in flight.announced)
     ends_s = flight.controller.context.task.ends_s
     flight.fly_for(20.0)
     east_m, north_m = flight.position
@@ -470,14 +471,14 @@ def test_a_search_that_new_zones_send_elsewhere_has_its_time_from_there(pretend,
     if not elsewhere:
         assert flight.controller.context.task.ends_s == ends_s
         return
-    flight.fly_until(lambda: flight.said.count(waits) == 2)
+    flight.fly_until(lambda: flight.announced.count(waits) == 2)
     begun_s = flight.now_s
     flight.fly_until(lambda: flight.states.count(State.SEARCH) == 2)
     assert flight.now_s - begun_s == pytest.approx(flight.mission.timers.search_s, abs=1.0)
 
 
 def test_a_router_that_was_made_elsewhere_decides_nothing_else(pretend):
-    said = []
+    decided = []
     for prepared in (False, True):
         flight = cruising(pretend)
         zone = box(ahead(flight, 40.0))
@@ -490,8 +491,8 @@ def test_a_router_that_was_made_elsewhere_decides_nothing_else(pretend):
         flight.fly_until(lambda flight=flight: boarding(flight) == 1, 10.0)
         flight.give(PlanRenewed())
         flight.lands(600.0)
-        said.append(flight.actions)
-    assert said[0] == said[1]
+        decided.append(flight.actions)
+    assert decided[0] == decided[1]
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -504,7 +505,7 @@ def test_wherever_zones_appear_what_has_been_left_is_not_entered_again(pretend, 
     zones, outside_since, due = [], {}, None
     while flight.finished is None:
         flight.step()
-        assert flight.now_s < 900.0, (flight.controller.state, flight.said[-3:])
+        assert flight.now_s < 900.0, (flight.controller.state, flight.announced[-3:])
         flying = flight.in_air and flight.controller.context.in_charge
         if flying and len(zones) < 3 and due is None and chance.random() < 0.004:
             place = [p + chance.uniform(-40.0, 40.0) for p in flight.position]
@@ -559,7 +560,7 @@ def on_a_long_leg(pretend):
     return flight
 
 
-def test_a_hold_that_is_lost_while_zones_change_is_said_again_before_all_else(pretend):
+def test_a_hold_that_is_lost_while_zones_change_is_commanded_again_before_all_else(pretend):
     flight = on_a_long_leg(pretend)
     zone = box(ahead(flight, 28.0), half_m=2.0)
     flight.deaf = True
@@ -582,7 +583,7 @@ def test_a_zone_that_it_flies_into_because_the_hold_was_lost_is_left(pretend):
     flight.fly_until(lambda: clear_of(flight, zone, -1) < -3.0, 20.0)
     flight.deaf = False
     flight.fly_until(lambda: boarding(flight) == 1, 30.0)
-    assert any(text.startswith("leaving no-fly zone 'new'") for text in flight.said)
+    assert any(text.startswith("leaving no-fly zone 'new'") for text in flight.announced)
     left = len(flight.track)
     flight.give(PlanRenewed())
     flight.lands(600.0)
@@ -601,7 +602,7 @@ def test_a_leg_that_is_flown_on_because_a_stop_was_lost_counts_as_under_way(pret
     assert math.hypot(*flight.velocity) < 0.5
 
 
-def test_the_way_out_of_a_zone_is_told_again_if_it_was_lost(pretend):
+def test_the_way_out_of_a_zone_is_commanded_again_if_it_was_lost(pretend):
     flight = cruising(pretend)
     flight.deaf = True
     change(flight, box(flight.position, half_m=8.0))
@@ -619,7 +620,7 @@ def test_the_battery_is_looked_at_while_zones_change(pretend):
     commanded = len(flight.motions)
     flight.step()
     assert flight.controller.state is State.HOME
-    assert any(text.startswith("coming home: battery at") for text in flight.said)
+    assert any(text.startswith("coming home: battery at") for text in flight.announced)
     # In one decision: of motions that wait only the last leaves.
     assert [type(m) for m in flight.motions[commanded:]] == [HoldHere, FlyToPoint]
     flight.lands(600.0)
@@ -637,16 +638,16 @@ def test_the_battery_is_looked_at_while_it_leaves_a_zone(pretend):
     flight.lands(600.0)
 
 
-def test_a_change_that_comes_just_before_hands_off_is_kept_and_said(pretend):
+def test_a_change_that_comes_just_before_hands_off_is_kept_and_announced(pretend):
     flight = cruising(pretend)
     flight.deaf = True
     flight.give(Reload())
     flight.give(PlanReplaced(flight.now_s, only_fence=True))
     flight.give(PlanCompared(flight.now_s, "the fence: 9 items sent, 0 are on board"))
-    assert flight.controller.state is State.INIT  # it is told to hold first
+    assert flight.controller.state is State.INIT  # it is commanded to hold first
     commanded = len(flight.motions)
     change(flight, box(ahead(flight, 60.0)))
-    assert "'new' is new; they are uploaded when the mission is resumed" in flight.said[-1]
+    assert "'new' is new; they are uploaded when the mission is resumed" in flight.announced[-1]
     assert "new" in {zone.name for zone in flight.controller.context.airspace.mission.zones}
     assert (boarding(flight), flight.motions[commanded:]) == (0, [])
     flight.deaf = False
@@ -686,9 +687,9 @@ def test_another_stations_plan_during_a_renewal_ends_that_and_is_a_takeover(pret
     flight.fly_for(20.0)
     assert flight.controller.state is State.PASSIVE
     assert moves(flight, commanded) == []
-    assert any("hands off: another plan is on board" in text for text in flight.said)
-    assert not any("coming home" in text for text in flight.said)
-    refused = flight.operator_asks(GoOn())
+    assert any("hands off: another plan is on board" in text for text in flight.announced)
+    assert not any("coming home" in text for text in flight.announced)
+    refused = flight.operator_requests(GoOn())
     assert not refused.accepted
     assert "resume upload" in refused.why
 
@@ -699,12 +700,12 @@ def test_while_another_plan_is_read_ours_is_not_put_over_it_on_request(pretend):
     flight.pilot_chooses(FlightMode.POSITION)
     flight.pilot_chooses(FlightMode.HOLD)
     flight.fly_for(3.0)
-    answer = flight.operator_asks(GoOn(upload=True))
+    answer = flight.operator_requests(GoOn(upload=True))
     assert not answer.accepted
     assert "is being read" in answer.why
 
 
-def test_every_try_of_another_station_that_shows_is_told(pretend):
+def test_every_try_of_another_station_that_shows_is_announced(pretend):
     flight = cruising(pretend)
     flight.give(PlanTried(flight.now_s, "ground station 255"))
-    assert any("ground station 255 tries to upload a plan" in text for text in flight.said)
+    assert any("ground station 255 tries to upload a plan" in text for text in flight.announced)

@@ -49,21 +49,21 @@ def sends_to(flight, altitude_m):
 @pytest.mark.parametrize(("altitude_m", "verb"), [(60.0, "climbs"), (30.0, "descends")])
 def test_it_changes_its_altitude_where_it_holds_and_then_goes_on(holding, altitude_m, verb):
     place = holding.position
-    answer = holding.operator_asks(ChangeAltitude(altitude_m, by="kim"))
+    answer = holding.operator_requests(ChangeAltitude(altitude_m, by="kim"))
     assert answer.why == f"it {verb} to {altitude_m:g} m above home, and holds there"
     holding.fly_for(60.0)
     assert holding.altitude_m == pytest.approx(altitude_m)
     assert math.dist(holding.position, place) < 1.0
     assert holding.controller.state is State.HOLD
-    assert holding.operator_asks(GoOn()).accepted
+    assert holding.operator_requests(GoOn()).accepted
     assert isinstance(holding.motions[-1], FlyToNode)  # at the altitude of the plan's item
-    assert not [said for said in holding.said if said.startswith(("too ", "holding: "))]
+    assert not [text for text in holding.announced if text.startswith(("too ", "holding: "))]
 
 
-def test_a_climb_before_the_next_leg_is_not_told_as_slow(holding):
-    assert holding.operator_asks(ChangeAltitude(30.0)).accepted
+def test_a_climb_before_the_next_leg_is_not_announced_as_slow(holding):
+    assert holding.operator_requests(ChangeAltitude(30.0)).accepted
     holding.fly_for(10.0)
-    assert holding.operator_asks(GoOn()).accepted
+    assert holding.operator_requests(GoOn()).accepted
     moves, holding.wanted = holding.wanted, lambda: (0.0, 0.0)
     while holding.altitude_m < 38.0:
         holding.altitude_m += 1.0 * holding.step_s
@@ -71,21 +71,21 @@ def test_a_climb_before_the_next_leg_is_not_told_as_slow(holding):
     assert math.dist(holding.position, holding.target) > UNDERSPEED_LEG_M
     holding.wanted = moves
     holding.fly_for(5.0)
-    assert not [said for said in holding.said if "it flies only at" in said]
+    assert not [text for text in holding.announced if "it flies only at" in text]
 
 
 def test_hold_stops_a_climb_and_land_ends_it(holding):
-    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+    assert holding.operator_requests(ChangeAltitude(60.0)).accepted
     holding.fly_for(4.0)
-    assert holding.operator_asks(HoldNow()).why == "it stops and hovers"
+    assert holding.operator_requests(HoldNow()).why == "it stops and hovers"
     assert isinstance(holding.motions[-1], HoldHere)
-    assert holding.operator_asks(HoldNow()).why == "it holds already"
-    assert holding.operator_asks(ChangeAltitude(35.0)).accepted
-    assert holding.operator_asks(LandNow()).accepted
+    assert holding.operator_requests(HoldNow()).why == "it holds already"
+    assert holding.operator_requests(ChangeAltitude(35.0)).accepted
+    assert holding.operator_requests(LandNow()).accepted
 
 
 def test_what_interrupts_a_climb_does_not_end_it(holding):
-    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+    assert holding.operator_requests(ChangeAltitude(60.0)).accepted
     holding.fly_for(2.0)
     mission = holding.controller.context.airspace.mission
     holding.give(AirspaceChanged(mission.fences, mission.zones[1:]))
@@ -96,32 +96,34 @@ def test_what_interrupts_a_climb_does_not_end_it(holding):
     assert sends_to(holding, 60.0)
 
 
-def test_elsewhere_it_is_refused_and_says_what_is_flown(holding, away, pennovation):
+def test_elsewhere_it_is_refused_and_the_reason_has_what_is_flown(holding, away, pennovation):
     for altitude_m in (29.9, 60.1):
-        refused = holding.operator_asks(ChangeAltitude(altitude_m))
+        refused = holding.operator_requests(ChangeAltitude(altitude_m))
         assert refused.code is Refusal.ALTITUDE
         assert "30 to 60 m above home" in refused.why
-    assert holding.operator_asks(GoOn()).accepted
-    assert holding.operator_asks(ChangeAltitude(50.0)).code is Refusal.BUSY
+    assert holding.operator_requests(GoOn()).accepted
+    assert holding.operator_requests(ChangeAltitude(50.0)).code is Refusal.BUSY
     holding.fly_for(5.0)
-    assert holding.operator_asks(HoldNow()).accepted
+    assert holding.operator_requests(HoldNow()).accepted
     holding.step()
-    assert holding.operator_asks(ChangeAltitude(50.0)).code is Refusal.BUSY  # it still moves
+    assert holding.operator_requests(ChangeAltitude(50.0)).code is Refusal.BUSY  # it still moves
     flight = away(pennovation)
-    assert flight.operator_asks(HoldNow()).accepted
+    assert flight.operator_requests(HoldNow()).accepted
     flight.fly_for(6.0)
     assert (
         "only 40 m above home is flown; 'altitudes_m'"
-        in flight.operator_asks(ChangeAltitude(50.0)).why
+        in flight.operator_requests(ChangeAltitude(50.0)).why
     )
 
 
-def test_what_a_button_says_of_altitude_and_landing(holding, hovering, pretend, pennovation):
+def test_why_the_buttons_of_altitude_and_landing_are_refused(
+    holding, hovering, pretend, pennovation
+):
     def refused(flight):
         return flight.controller.status().refusals
 
     assert not {"altitude", "land"} & refused(holding).keys()
-    assert holding.operator_asks(GoOn()).accepted
+    assert holding.operator_requests(GoOn()).accepted
     assert refused(holding)["altitude"].endswith("request 'hold' first")
     assert refused(holding)["land"].endswith("request 'hold' first")
     for flight in (hovering(pennovation), pretend(pennovation)):  # in the air and on the ground
@@ -136,21 +138,21 @@ def test_what_may_be_flown_to_is_checked_for_all_zones_and_the_way_down(mission,
     assert mission.waypoints == pennovation.waypoints  # the plan itself is as it was
 
 
-def test_the_check_says_what_may_be_asked_for(mission, pennovation):
-    words = "40 m above home at 3.5 m/s"
-    for flown, asked in ((pennovation, ""), (mission, "; 30 to 60 m on request")):
+def test_the_check_prints_which_altitudes_may_be_requested(mission, pennovation):
+    planned = "40 m above home at 3.5 m/s"
+    for flown, on_request in ((pennovation, ""), (mission, "; 30 to 60 m on request")):
         flies = summary(MissionSurvey(WaypointGraph(flown)))[1]
-        assert flies.endswith(f"{words}{asked}")
+        assert flies.endswith(f"{planned}{on_request}")
 
 
 def test_at_a_lower_altitude_of_the_mission_no_leg_climbs_first(holding):
     """Beside a zone it could not, and would wait there for a pilot."""
-    assert holding.operator_asks(ChangeAltitude(30.0)).accepted
+    assert holding.operator_requests(ChangeAltitude(30.0)).accepted
     holding.fly_for(20.0)
     holding.plan_compared(only_fence=True)
     assert sends_to(holding, 30.0)
-    assert holding.operator_asks(GoOn()).accepted
-    assert not any("climbing" in said for said in holding.said)
+    assert holding.operator_requests(GoOn()).accepted
+    assert not any("climbing" in text for text in holding.announced)
 
 
 def test_while_another_order_seems_to_show_no_other_altitude_is_taken(holding):
@@ -158,12 +160,12 @@ def test_while_another_order_seems_to_show_no_other_altitude_is_taken(holding):
     holding.shown["item"] = holding.plan.item_of(holding.motions[-1].node) + 1
     holding.step()
     assert holding.controller.context.interlocks.is_raised(Anomaly.FOREIGN_ORDER)
-    refused = holding.operator_asks(ChangeAltitude(60.0))
+    refused = holding.operator_requests(ChangeAltitude(60.0))
     assert refused.code is Refusal.BUSY
     assert refused.why == "it may be following a foreign command; request it again in a moment"
     del holding.shown["item"]
     holding.step()
-    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+    assert holding.operator_requests(ChangeAltitude(60.0)).accepted
     assert sends_to(holding, 60.0)
 
 
@@ -172,16 +174,16 @@ def test_while_its_altitude_has_jumped_no_other_one_is_taken(holding):
     holding.altitude_m = 90.0
     holding.step()
     assert holding.controller.context.interlocks.is_raised(Anomaly.ALTITUDE_JUMP)
-    refused = holding.operator_asks(ChangeAltitude(60.0))
+    refused = holding.operator_requests(ChangeAltitude(60.0))
     assert refused.code is Refusal.BUSY
     assert refused.why == "the altitude has jumped; request it again once that is over"
     holding.altitude_m = before_m
     holding.fly_for(3.0)
-    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+    assert holding.operator_requests(ChangeAltitude(60.0)).accepted
 
 
 def test_a_climb_that_is_held_for_a_jump_of_the_altitude_goes_on(holding):
-    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+    assert holding.operator_requests(ChangeAltitude(60.0)).accepted
     holding.fly_for(2.0)
     holding.altitude_m += 4.0
     holding.step()
@@ -196,16 +198,16 @@ def test_a_climb_that_is_held_for_a_jump_of_the_altitude_goes_on(holding):
     assert [*map(type, holding.motions[held:])] == [HoldHere]
 
 
-def test_a_climb_that_is_not_followed_is_told_to_be_over(holding):
+def test_a_climb_that_is_not_followed_is_announced_as_over(holding):
     holding.deaf = True
-    assert holding.operator_asks(ChangeAltitude(60.0)).accepted
+    assert holding.operator_requests(ChangeAltitude(60.0)).accepted
     holding.deaf = False
     holding.fly_for(4.0)
-    assert holding.said[-2:] == [
+    assert holding.announced[-2:] == [
         "the vehicle did not follow: deaf",
         "it holds at 40 m above home: it did not follow the command to 60 m",
     ]
     assert isinstance(holding.motions[-1], HoldHere)
-    said = len(holding.said)
+    announced = len(holding.announced)
     holding.fly_for(10.0)
-    assert holding.said[said:] == []
+    assert holding.announced[announced:] == []

@@ -70,7 +70,7 @@ def test_what_is_decided_on_after_a_late_confirmation_leaves_out_of_that_mode(ga
 
 
 @pytest.mark.parametrize("sent", [False, True])
-def test_jumps_that_were_objected_to_say_nothing_of_the_plan_on_board(gate, sent):
+def test_only_jumps_that_were_sent_put_the_plan_on_board_in_doubt(gate, sent):
     for _ in range(JUMPS):
         jump = FlyToNode(1, HERE)
         gate.send(jump)
@@ -79,16 +79,16 @@ def test_jumps_that_were_objected_to_say_nothing_of_the_plan_on_board(gate, sent
 
 
 @pytest.mark.parametrize(
-    ("sent", "said", "pause_s"),
+    ("sent", "announced", "pause_s"),
     [(True, "the vehicle did not follow", 3.0), (False, "not sent", 1.5)],
 )
-def test_what_did_not_leave_is_told_as_such_and_looked_at_again_sooner(
-    context, gate, sent, said, pause_s
+def test_what_did_not_leave_is_announced_as_not_sent_and_retried_sooner(
+    context, gate, sent, announced, pause_s
 ):
     jump = FlyToNode(1, HERE)
     gate.send(jump)
     gate.failed(CommandFailed(jump, "the leg was no longer clear when it was due", sent=sent))
-    assert context.actions[-1].text == f"{said}: the leg was no longer clear when it was due"
+    assert context.actions[-1].text == f"{announced}: the leg was no longer clear when it was due"
     assert context.task.retry_at_s == context.now_s + pause_s
 
 
@@ -122,7 +122,7 @@ def test_a_doubtful_jump_does_not_stop_the_way_out_of_a_zone(context, gate):
     assert isinstance(gate.last, HoldHere)
 
 
-def test_of_a_vehicle_whose_mode_is_not_heard_only_the_operator_s_hold_leaves(context, gate):
+def test_of_a_vehicle_whose_mode_is_not_received_only_the_operator_s_hold_leaves(context, gate):
     hold = HoldHere("why")
     context.inputs.silent = True
     gate.command(hold)
@@ -176,7 +176,7 @@ def test_of_two_alike_the_newest_is_confirmed():
     assert setpoints.open(at(0, 0)) == []
 
 
-def test_what_the_vehicle_says_of_itself_counts_where_it_is_far():
+def test_a_target_that_the_vehicle_reports_counts_where_it_is_far():
     setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
     assert setpoints.pending(at(0, 0, target=Point(3.0, 3.0))) == ()
     assert setpoints.pending(at(0, 0, target=Point(30.0, 3.0))) == (

@@ -48,8 +48,8 @@ FAR = (Point(75.0, -150.0), Point(-150.0, 60.0))
 MOVES = FlyToNode | FlyToPoint | LandHere
 
 
-def ask(flight, request):
-    """Ask; returns the answer, and what was commanded because of it."""
+def send(flight, request):
+    """Send the request; return the answer, and what was commanded because of it."""
     before = len(flight.actions)
     flight.give(dataclasses.replace(request, request_id="7"))
     fresh = flight.actions[before:]
@@ -71,7 +71,7 @@ def fly_to(flight, at_least_m=0.0, at_most_m=math.inf):
 
 
 def find(flight):
-    ask(flight, SeekNow("callisto"))
+    send(flight, SeekNow("callisto"))
     flight.give(RobotPose("callisto", ROBOT, 1.0, "callisto"))
 
 
@@ -94,7 +94,7 @@ def explore_and_meet_all(flight):
 
 def end_in(state):
     def end(flight):
-        ask(flight, ComeHome())
+        send(flight, ComeHome())
         flight.fly_to_state(state)
 
     return end
@@ -102,12 +102,12 @@ def end_in(state):
 
 WAYS = {
     State.INIT: lambda _: None,
-    State.SEARCH: lambda flight: ask(flight, SeekNow("callisto")),
+    State.SEARCH: lambda flight: send(flight, SeekNow("callisto")),
     State.COMM: find,
     State.EXPL: find_and_sync,
     State.IDLE: explore_and_meet_all,
-    State.GOTO: lambda flight: ask(flight, GoTo(FAR)),
-    State.HOLD: lambda flight: ask(flight, HoldNow()),
+    State.GOTO: lambda flight: send(flight, GoTo(FAR)),
+    State.HOLD: lambda flight: send(flight, HoldNow()),
     State.PASSIVE: lambda flight: flight.pilot_chooses(FlightMode.OTHER),
     **{state: end_in(state) for state in (State.HOME, State.LAND, State.DONE)},
 }
@@ -186,8 +186,8 @@ def test_every_request_in_every_state(in_state, request_):
     for state, expected in EXPECTED[request_].items():
         flight = in_state(state)
         shown = flight.controller.status().refusals.get(VERBS[type(request_)])
-        answer, commanded = ask(flight, request_)
-        assert shown == (None if answer.accepted else answer.why)  # a button says so before
+        answer, commanded = send(flight, request_)
+        assert shown == (None if answer.accepted else answer.why)  # its button shows it before
         if isinstance(expected, State):
             assert answer.accepted, (state, answer)
             assert flight.controller.state is expected, state
@@ -220,7 +220,7 @@ def battery_falls(flight):
     flight.step()
 
 
-def hears(flight):
+def receives(flight):
     flight.give(RobotPose("callisto", ROBOT, 2.0, "callisto"))
 
 
@@ -242,7 +242,7 @@ LED = {
         (S.INIT, S.SEARCH, S.COMM, S.EXPL, S.IDLE, S.GOTO, S.HOLD), S.HOME
     ),
     time_passes: {S.INIT: S.SEARCH, S.COMM: S.EXPL, S.EXPL: S.SEARCH},
-    hears: {S.SEARCH: S.COMM},
+    receives: {S.SEARCH: S.COMM},
     syncs: {S.COMM: S.EXPL},
     is_yielded: {},
 }
@@ -260,9 +260,9 @@ def test_held_it_stays_where_it_stopped_and_goes_on_with_the_time_that_was_left(
     flight = in_state(State.INIT)
     fly_to(flight, at_least_m=15.0)
     left_s = flight.controller.context.left_s
-    answer, commanded = ask(flight, HoldNow(by="the tower"))
+    answer, commanded = send(flight, HoldNow(by="the tower"))
     assert [type(m) for m in commanded] == [HoldHere]
-    assert any("holding, requested by the tower" in text for text in flight.said)
+    assert any("holding, requested by the tower" in text for text in flight.announced)
     flight.fly_for(10.0)
     place, moved = flight.position, len(flight.motions)
     flight.fly_for(500.0)
@@ -270,7 +270,7 @@ def test_held_it_stays_where_it_stopped_and_goes_on_with_the_time_that_was_left(
     assert flight.controller.context.left_s is None
     assert math.dist(place, flight.position) < 0.1
     assert len(flight.motions) == moved
-    answer, _ = ask(flight, GoOn())
+    answer, _ = send(flight, GoOn())
     assert answer.accepted
     assert flight.controller.state is State.EXPL
     assert flight.controller.context.left_s == pytest.approx(left_s)
@@ -281,37 +281,37 @@ def test_near_the_end_of_its_leg_it_is_left_to_stop_there(in_state):
     flight = in_state(State.GOTO)
     fly_to(flight, at_least_m=0.2, at_most_m=1.0)
     end = flight.target
-    answer, commanded = ask(flight, HoldNow())
+    answer, commanded = send(flight, HoldNow())
     assert answer.accepted
     assert commanded == []
     flight.fly_for(10.0)
     assert flight.controller.state is State.HOLD
     assert math.dist(flight.position, end) < 0.1
-    assert ask(flight, GoOn())[0].accepted
+    assert send(flight, GoOn())[0].accepted
 
 
 @pytest.mark.parametrize("state", [State.SEARCH, State.COMM, State.GOTO, State.HOME])
 def test_what_was_held_is_gone_on_with(in_state, state):
     flight = in_state(state)
     robot, goto_task = flight.controller.context.task.robot, flight.controller.states.goto.goto_task
-    ask(flight, HoldNow())
+    send(flight, HoldNow())
     assert (flight.controller.context.task.robot, flight.controller.context.task.way.goal) == (
         None,
         None,
     )
-    ask(flight, HoldNow())  # once more changes nothing
-    answer, _ = ask(flight, GoOn())
+    send(flight, HoldNow())  # once more changes nothing
+    answer, _ = send(flight, GoOn())
     assert answer.accepted
     after = State.SEARCH if state is State.COMM else state
     assert (flight.controller.state, flight.controller.context.task.robot) == (after, robot)
     assert flight.controller.states.goto.goto_task is goto_task
 
 
-def test_a_hold_that_fails_is_asked_for_again(in_state):
+def test_a_hold_that_fails_is_commanded_again(in_state):
     flight = in_state(State.INIT)
     fly_to(flight, at_least_m=15.0)
     flight.deaf = True
-    ask(flight, HoldNow())
+    send(flight, HoldNow())
     flight.deaf = False
     flight.fly_until(lambda: flight.mode is FlightMode.HOLD, 10.0)
     assert flight.controller.state is State.HOLD
@@ -323,7 +323,7 @@ def test_held_it_comes_home_for_its_battery_and_that_way_is_not_called_off(in_st
     flight.step()
     assert flight.controller.state is State.HOME
     for request in (HoldNow(), SeekNow("io"), ExploreNow(), GoTo(FAR)):
-        answer, commanded = ask(flight, request)
+        answer, commanded = send(flight, request)
         assert (answer.code, commanded) == (Refusal.COMING_HOME, [])
         assert "battery" in answer.why
     flight.lands()
@@ -334,12 +334,12 @@ def test_a_way_home_on_request_can_be_called_off_until_something_else_demands_it
 ):
     flight = in_state(State.HOME, duration_s=100.0)
     assert flight.controller.context.ending_why == "the operator's request"
-    assert ask(flight, ExploreNow())[0].accepted
+    assert send(flight, ExploreNow())[0].accepted
     assert flight.controller.context.ending_why is None
-    ask(flight, ComeHome())
-    ask(flight, HoldNow())
+    send(flight, ComeHome())
+    send(flight, HoldNow())
     flight.fly_to_state(State.HOME, 120.0)  # its time is over
-    assert ask(flight, HoldNow())[0].code is Refusal.COMING_HOME
+    assert send(flight, HoldNow())[0].code is Refusal.COMING_HOME
 
 
 def test_a_page_that_shows_what_is_refused_changes_no_flight(in_state):
@@ -351,7 +351,7 @@ def test_a_page_that_shows_what_is_refused_changes_no_flight(in_state):
         for _ in range(60):
             flight.step()
             assert not looks or "hold" not in flight.controller.status().refusals
-        ask(flight, HoldNow())
+        send(flight, HoldNow())
     needs = [flight.controller.returns.need_home for flight in (watched, alone)]
     assert needs[0] == needs[1] > 0.0  # what it comes home by
     assert watched.track == alone.track
@@ -364,20 +364,20 @@ def test_a_resume_that_takes_an_upload_is_not_shown_as_refused(in_state):
     flight.give(PlanCompared(flight.now_s, "8 items"))
     flight.fly_to_state(State.PASSIVE, 30.0)
     assert "resume" not in flight.controller.status().refusals
-    assert ask(flight, GoOn())[0].code is Refusal.OTHER_PLAN  # and the page offers the upload
+    assert send(flight, GoOn())[0].code is Refusal.OTHER_PLAN  # and the page offers the upload
 
 
 def test_a_requested_robot_is_sought_at_once_and_not_left_to_another(in_state):
     flight = in_state(State.GOTO)
     flight.give(RobotPose("io", ROBOT, 1.0, "europa"))
-    answer, _ = ask(flight, SeekNow("io"))
+    answer, _ = send(flight, SeekNow("io"))
     assert answer.why == "it seeks io: its last position"
     assert (flight.controller.state, flight.controller.context.task.robot) == (State.SEARCH, "io")
     assert flight.controller.context.task.way.goal.position == ROBOT
     flight.give(RobotSought("aardvark", "io", 1.0))
     assert flight.controller.context.task.robot == "io"
     flight.fly_to_state(State.EXPL)  # no robot was met there
-    assert ask(flight, SeekNow("oi"))[0].code is Refusal.UNKNOWN_ROBOT
+    assert send(flight, SeekNow("oi"))[0].code is Refusal.UNKNOWN_ROBOT
 
 
 def test_a_robot_that_is_found_as_soon_as_it_is_sought_costs_one_command(in_state):
@@ -421,7 +421,7 @@ def test_nothing_leaves_while_it_is_not_certain_whose_the_vehicle_is(in_state, o
 def test_points_are_flown_to_one_after_the_other_and_then_it_explores_on(in_state):
     flight = in_state(State.SEARCH)
     left = flight.controller.exploration.remaining
-    answer, _ = ask(flight, GoTo(FAR, hold_s=30.0))
+    answer, _ = send(flight, GoTo(FAR, hold_s=30.0))
     assert answer.why == "it flies to 2 points"
     assert answer.points == FAR
     for point in FAR:
@@ -451,7 +451,7 @@ def test_a_point_in_a_zone_is_hovered_beside_and_one_outside_of_the_fence_refuse
     flight = in_state(State.INIT)
     ring = flight.mission.zones[0].shape.ring
     inside = Point(*(sum(axis) / len(axis) for axis in zip(*ring, strict=True)))
-    answer, _ = ask(flight, GoTo((inside,)))
+    answer, _ = send(flight, GoTo((inside,)))
     (hover,) = answer.points
     assert "the point: it is inside no-fly zone" in answer.why
     assert flight.mission.planning_airspace.point_clear(hover)
@@ -462,7 +462,7 @@ def test_a_point_in_a_zone_is_hovered_beside_and_one_outside_of_the_fence_refuse
         ((Point(1e6, 0.0),), "the point is more than 10 km away"),
         ((Point(math.nan, 0.0),), "the point is more than 10 km away"),
     ):
-        answer, commanded = ask(flight, GoTo(points))
+        answer, commanded = send(flight, GoTo(points))
         assert (answer.why, answer.code, commanded) == (why, Refusal.OUTSIDE_FENCE, [])
 
 
@@ -470,33 +470,33 @@ def test_a_way_that_the_battery_does_not_last_for_is_refused(in_state):
     flight = in_state(State.INIT, endurance_s=480.0, battery_reserve=0.08)
     flight.battery = 0.45
     flight.step()
-    answer, commanded = ask(flight, GoTo(FAR))
+    answer, commanded = send(flight, GoTo(FAR))
     assert (answer.code, commanded) == (Refusal.RESERVE, [])
     assert "the battery would be at" in answer.why
-    assert ask(flight, GoTo((flight.position,)))[0].accepted
-    assert ask(flight, GoTo((flight.position,), hold_s=300.0))[0].code is Refusal.RESERVE
+    assert send(flight, GoTo((flight.position,)))[0].accepted
+    assert send(flight, GoTo((flight.position,), hold_s=300.0))[0].code is Refusal.RESERVE
 
 
-def test_without_a_fix_or_a_word_from_it_the_vehicle_is_only_told_to_hold(in_state):
+def test_without_a_fix_or_telemetry_the_vehicle_is_only_commanded_to_hold(in_state):
     flight = in_state(State.INIT)
     for request in (SeekNow("io"), GoTo(FAR)):
         answer = flight.controller.handle(request, flight.now_s + 5.0)[-1]
         assert (answer.code, answer.why) == (Refusal.NOT_HEARD, "nothing received from it for 5 s")
     flight = in_state(State.INIT)
     flight.give(LinkSilent(flight.now_s, 3.5))  # the vehicle's clock, which we read, stands still
-    assert ask(flight, GoTo(FAR))[0].why == "nothing received from it for 4 s"
+    assert send(flight, GoTo(FAR))[0].why == "nothing received from it for 4 s"
     flight.step()
     flight.fix = False
     flight.step()
     for request in (SeekNow("io"), GoTo(FAR)):
-        assert ask(flight, request)[0].code is Refusal.NO_FIX
-    assert ask(flight, HoldNow())[0].accepted
-    assert ask(flight, GoOn())[0].code is Refusal.NO_FIX
+        assert send(flight, request)[0].code is Refusal.NO_FIX
+    assert send(flight, HoldNow())[0].accepted
+    assert send(flight, GoOn())[0].code is Refusal.NO_FIX
     flight.fix = True
-    flight.fly_until(lambda: any("its fix again" in text for text in flight.said), 10.0)
+    flight.fly_until(lambda: any("its fix again" in text for text in flight.announced), 10.0)
     flight.step()
     assert flight.controller.state is State.HOLD
-    assert ask(flight, GoOn())[0].accepted
+    assert send(flight, GoOn())[0].accepted
 
 
 def silent(flight):
@@ -519,7 +519,7 @@ def without_positions(flight):
 def test_home_without_a_position_is_promised_for_when_it_is_known_again(in_state, lose):
     flight = in_state(State.INIT)
     why = lose(flight)
-    answer, _ = ask(flight, ComeHome())
+    answer, _ = send(flight, ComeHome())
     assert (answer.accepted, answer.why) == (
         True,
         f"it comes home as soon as its position is known: {why}",
@@ -529,12 +529,12 @@ def test_home_without_a_position_is_promised_for_when_it_is_known_again(in_state
     assert flight.finished.landed_by_us
 
 
-def test_a_flight_is_not_resumed_while_nothing_is_heard_of_it(in_state):
+def test_a_flight_is_not_resumed_while_nothing_is_received_from_it(in_state):
     flight = in_state(State.INIT)
     flight.pilot_chooses(FlightMode.HOLD)
     assert flight.controller.state is State.PASSIVE
     why = silent(flight)
-    assert ask(flight, GoOn())[0].why == why
+    assert send(flight, GoOn())[0].why == why
 
 
 def test_what_waits_for_changed_zones_is_answered_so(in_state):
@@ -542,15 +542,15 @@ def test_what_waits_for_changed_zones_is_answered_so(in_state):
     mission = flight.controller.context.airspace.mission
     flight.give(AirspaceChanged(mission.fences, mission.zones[1:]))
     flight.fly_until(lambda: any(isinstance(a, RenewPlan) for a in flight.actions), 30.0)
-    answer, commanded = ask(flight, ComeHome())
+    answer, commanded = send(flight, ComeHome())
     assert answer.why == "it comes home; it sets out once the changed zones are on board"
     assert not any(isinstance(motion, MOVES) for motion in commanded)
     flight.give(PlanRenewed())
     flight.fly_to_state(State.DONE)
 
 
-def test_home_before_the_vehicle_was_heard_promises_nothing_about_it(pretend):
-    answer, _ = ask(pretend(), ComeHome())
+def test_home_before_any_telemetry_promises_nothing_about_the_vehicle(pretend):
+    answer, _ = send(pretend(), ComeHome())
     assert answer.why == "the mission ends before take-off; nothing is sent to the vehicle"
 
 
@@ -566,13 +566,13 @@ def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(preten
     accepted = [a for a in flight.actions if isinstance(a, CommandAck)][-1]
     assert (accepted.request_id, accepted.accepted) == ("2", True)
     assert flight.controller.state is State.GOTO
-    ask(flight, HoldNow())
+    send(flight, HoldNow())
     flight.give(GoTo(FAR, waits=True, by="basestation", request_id="3"))
     assert flight.controller.state is State.HOLD
-    ask(flight, GoOn())
+    send(flight, GoOn())
     flight.step()
     assert flight.controller.states.goto.goto_task.stops == FAR
-    ask(flight, HoldNow())
+    send(flight, HoldNow())
     flight.give(GoTo(FAR, waits=True, request_id="4"))
     flight.pilot_chooses(FlightMode.OTHER)
     answered = [a for a in flight.actions if isinstance(a, CommandAck)][-1]
@@ -601,7 +601,7 @@ def test_a_point_that_is_cut_off_on_the_way_is_left_out(in_state, monkeypatch):
 
     monkeypatch.setattr(flight.router, "route", without)
     flight.controller.navigator.again()
-    flight.fly_until(lambda: any("point 1 left out" in text for text in flight.said), 60.0)
+    flight.fly_until(lambda: any("point 1 left out" in text for text in flight.announced), 60.0)
     flight.fly_until(lambda: math.dist(flight.position, FAR[1]) < 2.0, 300.0)
     closed = FAR[1]
     flight.fly_to_state(State.EXPL)
@@ -618,44 +618,44 @@ def test_whatever_is_requested_whenever_no_zone_is_touched(pretend):
     while flight.finished is None:
         flight.fly_for(9.7)
         if flight.finished is None:
-            ask(flight, next(wishes))
+            send(flight, next(wishes))
         assert flight.now_s < 3000.0
     assert flight.finished.landed_by_us
     closest_m, _ = flight.mission.airspace.track_distance_m(flight.track)
     assert closest_m >= flight.mission.planner.clearance_m
 
 
-def test_points_that_waited_do_not_call_off_a_way_home_that_was_asked_for_later(in_state):
+def test_points_that_waited_do_not_call_off_a_way_home_that_was_requested_later(in_state):
     flight = in_state(State.HOLD)
     flight.give(GoTo(FAR, waits=True, request_id="old", by="basestation"))
-    ask(flight, ComeHome())
+    send(flight, ComeHome())
     flight.step()
     (answer,) = [a for a in flight.actions if isinstance(a, CommandAck) and a.request_id == "old"]
     assert (answer.code, flight.controller.state) == (Refusal.COMING_HOME, State.HOME)
 
 
 def test_points_that_came_by_gossip_do_not_call_off_a_way_home(in_state):
-    flight = in_state(State.HOME)  # the operator asked for it
-    assert ask(flight, GoTo(FAR, waits=True, by="basestation"))[0].code is Refusal.COMING_HOME
+    flight = in_state(State.HOME)  # the operator requested it
+    assert send(flight, GoTo(FAR, waits=True, by="basestation"))[0].code is Refusal.COMING_HOME
     assert flight.controller.state is State.HOME
-    assert ask(flight, GoTo(FAR))[0].accepted
+    assert send(flight, GoTo(FAR))[0].accepted
 
 
-def test_a_way_home_that_the_pilot_interrupted_says_nothing_of_the_next(in_state):
-    flight = in_state(State.HOME)  # the operator asked for it
+def test_a_way_home_that_the_pilot_interrupted_does_not_count_for_the_next(in_state):
+    flight = in_state(State.HOME)  # the operator requested it
     flight.pilot_chooses(FlightMode.HOLD)
-    assert ask(flight, GoOn())[0].accepted
+    assert send(flight, GoOn())[0].accepted
     flight.give(CommandFailed(flight.motions[-1], "lost"))
     flight.controller.context.come_home("the climb does not go on")
-    assert ask(flight, ExploreNow())[0].code is Refusal.COMING_HOME
+    assert send(flight, ExploreNow())[0].code is Refusal.COMING_HOME
 
 
 def test_it_does_not_land_where_an_order_that_is_still_under_way_takes_it(airborne):
     flight = airborne()
     late, act = [], flight.act
     flight.act = lambda a: late.append(a) if isinstance(a, MOVES | HoldHere) else act(a)
-    assert ask(flight, GoTo(FAR))[0].accepted
-    assert ask(flight, ComeHome())[0].accepted
+    assert send(flight, GoTo(FAR))[0].accepted
+    assert send(flight, ComeHome())[0].accepted
     flight.fly_for(0.3)
     assert flight.controller.state is State.HOME
     flight.act = act

@@ -52,7 +52,7 @@ def test_what_is_worse_than_planned_for_is_held_for_and_then_flown_on(cruising, 
     assert len(cruising.motions) == held
     cruising.fly_for(3.0)
     assert legs(cruising.motions[held:])
-    assert "as planned again" in "".join(cruising.said)
+    assert "as planned again" in "".join(cruising.announced)
     cruising.lands()
 
 
@@ -89,13 +89,15 @@ def test_what_does_not_get_better_ends_the_mission(cruising):
     cruising.shown = POOR[0]
     cruising.fly_for(CONDITIONS_WORSE_S + CONDITIONS_HOME_S + 1.0)
     assert cruising.controller.state is State.HOME
-    assert "coming home: the satellites' position is good to 2.5 m only" in "".join(cruising.said)
+    assert "coming home: the satellites' position is good to 2.5 m only" in "".join(
+        cruising.announced
+    )
     cruising.lands()
     assert cruising.closest_m() >= cruising.mission.planner.clearance_m
 
 
-def test_on_the_way_home_it_is_told_and_flown_on(cruising):
-    cruising.operator_asks(ComeHome())
+def test_on_the_way_home_it_is_announced_and_flown_on(cruising):
+    cruising.operator_requests(ComeHome())
     cruising.fly_for(1.0)
     before = len(cruising.motions)
     cruising.shown = POOR[0]
@@ -112,7 +114,7 @@ def test_what_has_it_come_home_is_not_held_up(cruising, why):
         cruising.battery = 0.2
         cruising.step()
     else:
-        assert cruising.operator_asks(ComeHome()).accepted
+        assert cruising.operator_requests(ComeHome()).accepted
     cruising.fly_for(2.0)
     assert cruising.controller.state is State.HOME
     assert legs(cruising.motions[-1:])
@@ -120,12 +122,12 @@ def test_what_has_it_come_home_is_not_held_up(cruising, why):
 
 
 def test_while_it_lasts_another_altitude_is_refused_and_a_pilot_is_left_alone(cruising):
-    cruising.operator_asks(HoldNow())
+    cruising.operator_requests(HoldNow())
     cruising.fly_for(6.0)
     cruising.shown = POOR[0]
     cruising.fly_for(CONDITIONS_WORSE_S + 1.0)
     altitude_m = cruising.mission.altitude_above_home_m
-    answer = cruising.operator_asks(ChangeAltitude(altitude_m))
+    answer = cruising.operator_requests(ChangeAltitude(altitude_m))
     assert (answer.accepted, answer.code) == (False, Refusal.BUSY)
     cruising.pilot_chooses(FlightMode.OTHER)
     cruising.fly_for(1.0)

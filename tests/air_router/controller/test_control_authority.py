@@ -48,7 +48,7 @@ def test_the_pilot_wins_and_is_left_alone(pretend, flown, state, mode):
         flight.take_off()
         if state is State.HOME:
             flight.fly_away()
-            flight.operator_asks(ComeHome())
+            flight.operator_requests(ComeHome())
         flight.fly_to_state(state)
         return flight
 
@@ -57,7 +57,7 @@ def test_the_pilot_wins_and_is_left_alone(pretend, flown, state, mode):
     assert flight.controller.state is State.PASSIVE
     commanded = len(flight.motions)
     flight.fly_for(60.0)
-    flight.operator_asks(ComeHome())
+    flight.operator_requests(ComeHome())
     flight.give(RobotPose("io", CORNERS["io"], 1e9, "io"))
     assert len(flight.motions) == commanded
     flight.mode = FlightMode.LAND
@@ -100,15 +100,15 @@ def test_a_type_that_changes_in_flight_is_an_alarm_and_nothing_is_commanded_any_
     assert flight.controller.state is State.PASSIVE
     assert alarms(flight) == [(WRONG, LAND_BY_HAND)]
     flight.give(WrongVehicle(flight.now_s, WRONG.replace("fixed wing", "VTOL")))
-    assert len(alarms(flight)) == 1  # it is told once, whatever it is
+    assert len(alarms(flight)) == 1  # it is announced once, whatever it is
     flight.mode = FlightMode.HOLD
     flight.fly_for(30.0)
     for request in (GoOn(), GoOn(upload=True), ComeHome()):
-        answer = flight.operator_asks(request)
+        answer = flight.operator_requests(request)
         assert (answer.accepted, "land it by hand" in answer.why) == (False, True)
     assert len(flight.motions) == commanded
     flight.give(WrongVehicle(flight.now_s, None))
-    assert flight.operator_asks(GoOn()).accepted
+    assert flight.operator_requests(GoOn()).accepted
     flight.lands()
 
 
@@ -120,14 +120,14 @@ def test_unsigned_messages_in_the_vehicles_name_are_a_warning_and_change_nothing
     assert flight.actions[before:] == [Announce(text, Severity.WARNING, CHECK_SENDERS)]
 
 
-def test_what_one_of_two_vehicles_says_on_the_ground_is_no_crash_of_the_other(away):
+def test_what_one_of_two_vehicles_reports_on_the_ground_is_no_crash_of_the_other(away):
     """They report by turns under one system id; the flight is over when neither flies."""
     flight = away()
     flight.give(WrongVehicle(flight.now_s, "two autopilots", twins=True))
     for turn in range(20):
         flight.shown = {"armed": False, "in_air": False} if turn % 2 else {}
         flight.fly_for(0.5)
-    assert not any("disarmed" in text for text in flight.said)
+    assert not any("disarmed" in text for text in flight.announced)
     assert flight.controller.state is State.PASSIVE
     flight.shown = {"armed": False, "in_air": False}
     flight.fly_for(6.0)
@@ -156,14 +156,16 @@ def test_what_is_held_where_no_leg_may_begin_stays_there(pretend, altitude_m, as
     flight.battery = 0.2
     flight.fly_for(5.0)
     assert [type(motion) for motion in flight.motions] == [HoldHere]
-    assert any("battery at 20%: it should come home, and cannot" in said for said in flight.said)
-    answer = flight.operator_asks(ComeHome())
+    assert any(
+        "battery at 20%: it should come home, and cannot" in text for text in flight.announced
+    )
+    answer = flight.operator_requests(ComeHome())
     assert answer.accepted is not high
     if high:
         assert "descend to 48 m first" in answer.why
         flight.altitude_m = 48.0
         flight.step()
-        flight.operator_asks(ComeHome())
+        flight.operator_requests(ComeHome())
     else:
         assert isinstance(flight.motions[-1], FlyToPoint)  # up first
     flight.ends()
@@ -183,11 +185,11 @@ def test_the_same_plan_uploaded_again_begins_no_mission_where_no_leg_may_begin(
     assert flight.controller.state is State.READY
     assert [type(motion) for motion in flight.motions] == [HoldHere]
     assert "the plan on board is equivalent to this mission's; holding: Mission was chosen" in (
-        "".join(flight.said)
+        "".join(flight.announced)
     )
     flight.altitude_m = 48.0
     flight.step()
-    assert flight.operator_asks(ComeHome()).accepted
+    assert flight.operator_requests(ComeHome()).accepted
     flight.ends()
     assert flight.finished.landed_by_us
 
@@ -200,7 +202,7 @@ def test_a_vehicle_whose_hold_was_lost_until_it_is_level_comes_home_for_its_batt
     flight.deaf = True
     east_m, north_m = flight.mission.home
     by_hand_to(flight, Point(east_m + aside_m, north_m), altitude_m)
-    assert any(text.startswith("holding: Mission was chosen") for text in flight.said)
+    assert any(text.startswith("holding: Mission was chosen") for text in flight.announced)
     flight.altitude_m = 48.0  # as PX4 does by itself
     flight.step()
     flight.deaf = False
@@ -224,7 +226,7 @@ def test_a_pilot_who_arms_and_lets_it_disarm_again_may_arm_again(pretend):
         flight.armed = armed
         flight.step()
     assert flight.finished is None
-    assert any("waiting on" in text for text in flight.said)
+    assert any("waiting on" in text for text in flight.announced)
     flight.take_off()
     flight.fly_to_state(State.INIT)
 
@@ -233,7 +235,7 @@ def test_a_climb_that_does_not_go_on_is_landed(pretend):
     flight = pretend()
     flight.take_off_halfway()
     flight.ends(120.0)
-    assert any("the climb does not go on" in text for text in flight.said)
+    assert any("the climb does not go on" in text for text in flight.announced)
     assert flight.finished.landed_by_us
     assert flight.states == [State.HOME, State.LAND, State.DONE]
 
@@ -275,7 +277,7 @@ def test_a_plan_that_is_replaced_as_it_takes_off_refuses_the_flight(pretend, hop
 def test_a_plan_that_was_replaced_before_the_hand_over_is_compared_first(
     pretend, again, difference
 ):
-    """And what was told to a vehicle that was armed and disarmed before counts for nothing."""
+    """What was sent to a vehicle that was armed and disarmed before counts for nothing."""
     flight = pretend(pilot_arms=True)
     flight.step()
     if again:
@@ -367,7 +369,7 @@ def test_another_plan_on_board_stops_our_leg_first_and_means_hands_off_then(away
     flight.give(PlanCompared(flight.now_s, "the mission: item 3 on board is another"))
     flight.step()
     assert flight.controller.state is State.PASSIVE
-    assert any("hands off: another plan is on board" in text for text in flight.said)
+    assert any("hands off: another plan is on board" in text for text in flight.announced)
 
 
 def test_a_plan_that_is_never_compared_counts_as_another(away):
@@ -394,14 +396,14 @@ def test_a_place_chosen_while_a_command_of_ours_was_lost_is_not_left_again(airbo
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
     last = flight.controller.gate.last
     if held:
-        flight.operator_asks(HoldNow())
+        flight.operator_requests(HoldNow())
         flight.fly_for(6.0)
         flight.shown = {"target": flight.position}
         flight.fly_for(3.0)
     flight.deaf = True
-    flight.operator_asks(GoTo((Point(-20.0, -60.0),)) if held else SeekNow("io"))
+    flight.operator_requests(GoTo((Point(-20.0, -60.0),)) if held else SeekNow("io"))
     flight.deaf = False
-    assert "did not follow" in flight.said[-1]
+    assert "did not follow" in flight.announced[-1]
     commanded = len(flight.motions)
     if held:
         flight.shown = {"target": Point(20.0, 20.0)}
@@ -410,7 +412,7 @@ def test_a_place_chosen_while_a_command_of_ours_was_lost_is_not_left_again(airbo
     flight.fly_for(6.0)
     assert flight.motions[commanded:] == []
     assert flight.controller.state is State.PASSIVE
-    assert flight.said[-1].startswith("hands off: a pilot or ground station ")
+    assert flight.announced[-1].startswith("hands off: a pilot or ground station ")
 
 
 @pytest.mark.parametrize("climbing", [False, True])
@@ -431,13 +433,13 @@ def test_a_go_to_of_a_ground_station_while_a_plan_is_compared_is_not_overridden(
     flight.give(PlanCompared(flight.now_s))
     flight.fly_for(5.0)
     assert (flight.controller.state, len(flight.motions)) == (State.PASSIVE, commanded)
-    assert flight.said[-2:] == [
+    assert flight.announced[-2:] == [
         "hands off: a pilot or ground station gave it another place to go to",
         "the plan on board is equivalent to this mission's",
     ]
 
 
-def test_a_vehicle_that_holds_already_is_not_told_again_before_hands_are_off(away):
+def test_a_vehicle_that_holds_already_is_not_commanded_again_before_hands_are_off(away):
     """A go-to of a ground station that has shown for a moment would end."""
     flight = away()
     flight.give(PlanReplaced(flight.now_s))
@@ -459,7 +461,7 @@ def test_another_altitude_that_a_ground_station_gives_a_hovering_vehicle_is_the_
     flight = airborne()
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
     place = flight.position
-    flight.operator_asks(HoldNow() if held else GoTo((place._replace(east_m=place[0] + 20.0),)))
+    flight.operator_requests(HoldNow() if held else GoTo((place._replace(east_m=place[0] + 20.0),)))
     flight.fly_for(7.0)
     level = {"target": flight.position, "target_altitude_m": 40.0}
     flight.shown = level
@@ -476,7 +478,7 @@ def test_another_altitude_that_a_ground_station_gives_a_hovering_vehicle_is_the_
 def test_the_operator_s_hold_while_a_plan_is_compared_stays(away):
     flight = away()
     flight.give(PlanReplaced(flight.now_s))
-    flight.operator_asks(HoldNow())
+    flight.operator_requests(HoldNow())
     flight.give(PlanCompared(flight.now_s))
     flight.fly_for(5.0)
     assert flight.controller.state is State.HOLD
@@ -485,28 +487,28 @@ def test_the_operator_s_hold_while_a_plan_is_compared_stays(away):
 
 def test_a_landing_that_waits_for_a_comparison_lands_whatever_it_finds(away):
     flight = away()
-    flight.operator_asks(HoldNow())
+    flight.operator_requests(HoldNow())
     flight.fly_for(6.0)
     flight.give(PlanReplaced(flight.now_s))
     flight.fly_for(1.0)
-    flight.operator_asks(LandNow())
+    flight.operator_requests(LandNow())
     flight.fly_for(1.0)
     assert not isinstance(flight.motions[-1], LandHere)
     flight.give(PlanCompared(flight.now_s, "the fence: item 3 on board is another"))
-    said = len(flight.said)
+    announced = len(flight.announced)
     flight.lands(300.0)
-    assert len(flight.said) <= said + 1
+    assert len(flight.announced) <= announced + 1
 
 
 @pytest.mark.parametrize("event", ["breach", "replaced", "reserve"])
 def test_nothing_is_commanded_while_it_is_not_known_whose_the_vehicle_is(away, event):
     flight = away()
-    unheard_s, telemetry, mode = flight.now_s, flight.telemetry, flight.mode
+    lost_s, telemetry, mode = flight.now_s, flight.telemetry, flight.mode
     flight.telemetry = lambda: dataclasses.replace(
-        telemetry(), mode=mode, ages=Ages(mode_s=flight.now_s - unheard_s)
+        telemetry(), mode=mode, ages=Ages(mode_s=flight.now_s - lost_s)
     )
     flight.fly_for(6.0)
-    flight.mode, flight.target = FlightMode.POSITION, None  # the pilot's, unheard
+    flight.mode, flight.target = FlightMode.POSITION, None  # the pilot's, not received
     commanded = len(flight.motions)
     match event:
         case "breach":
@@ -517,7 +519,7 @@ def test_nothing_is_commanded_while_it_is_not_known_whose_the_vehicle_is(away, e
             flight.battery = 0.1
     flight.fly_for(25.0)
     assert flight.motions[commanded:] == []
-    if event == "replaced":  # heard again, and no pilot has it: held for
+    if event == "replaced":  # received again, and no pilot has it: held for
         flight.telemetry, flight.mode = telemetry, mode
         flight.fly_for(8.0)
         assert [type(motion) for motion in flight.motions[commanded:]] == [HoldHere]
@@ -535,16 +537,16 @@ def test_a_plan_uploaded_again_in_the_climb_is_climbed_on_with(pretend):
 
 
 @pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
-def test_what_was_given_away_comes_back_only_when_the_operator_asks(away, mode):
+def test_what_was_given_away_comes_back_only_when_the_operator_requests_it(away, mode):
     flight = away(duration_s=400.0)
     flight.pilot_chooses(FlightMode.OTHER)
-    flight.operator_asks(GoOn())
+    flight.operator_requests(GoOn())
     assert flight.controller.state is State.PASSIVE
-    assert any("choose Hold first" in text for text in flight.said)
+    assert any("choose Hold first" in text for text in flight.announced)
     flight.pilot_chooses(mode)
     flight.fly_for(10.0)
     assert flight.controller.state is State.PASSIVE
-    flight.operator_asks(GoOn())
+    flight.operator_requests(GoOn())
     assert flight.controller.state is State.EXPL
     flight.lands()
     assert flight.finished.taken_by is None
@@ -552,32 +554,32 @@ def test_what_was_given_away_comes_back_only_when_the_operator_asks(away, mode):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "reason"),
     [
         ({"failsafe": True}, "failsafe"),
         ({"fix": False}, "no fix"),
         ({"in_air": False}, "on the ground"),
     ],
 )
-def test_why_a_flight_is_not_resumed(away, change, said):
+def test_why_a_flight_is_not_resumed(away, change, reason):
     flight = away()
     flight.pilot_chooses(FlightMode.HOLD)
     for name, value in change.items():
         setattr(flight, name, value)
     flight.step()
-    flight.operator_asks(GoOn())
+    flight.operator_requests(GoOn())
     assert flight.controller.state is State.PASSIVE
-    assert any(text.startswith("not resumed") and said in text for text in flight.said)
+    assert any(text.startswith("not resumed") and reason in text for text in flight.announced)
 
 
-def test_a_companion_that_was_restarted_goes_on_when_asked(pretend):
+def test_a_companion_that_was_restarted_goes_on_when_requested(pretend):
     flight = pretend(duration_s=200.0)
     flight.armed = flight.in_air = True
     flight.mode, flight.altitude_m = FlightMode.HOLD, flight.mission.altitude_above_home_m
     flight.position = flight.mission.waypoints[5].position
     flight.fly_for(5.0)
     assert flight.motions == []
-    flight.operator_asks(GoOn())
+    flight.operator_requests(GoOn())
     assert flight.controller.state is State.INIT
     flight.lands()
 
@@ -591,11 +593,11 @@ def test_a_failsafe_while_it_hovers_in_hold_by_our_command_takes_it_over(pretend
     flight.failsafe = True
     flight.step()
     assert flight.controller.state is State.PASSIVE
-    assert any("an autopilot failsafe" in text for text in flight.said)
+    assert any("an autopilot failsafe" in text for text in flight.announced)
 
 
 def killed(flight, altitude_m, mode):
-    """Disarmed by force: PX4 says within a second that it has landed, and it falls."""
+    """Disarmed by force: PX4 reports within a second that it has landed, and it falls."""
     flight.altitude_m = altitude_m
     flight.step()
     flight.armed, flight.mode = False, mode
@@ -609,23 +611,23 @@ def killed(flight, altitude_m, mode):
 
 
 @pytest.mark.parametrize("state", [State.INIT, State.LAND])
-def test_motors_stopped_in_the_air_are_told_as_that_until_it_is_down(airborne, state):
+def test_motors_stopped_in_the_air_are_announced_as_that_until_it_is_down(airborne, state):
     flight = airborne(duration_s=60.0 if state is State.LAND else None)
     flight.fly_to_state(state)
     killed(flight, 28.0, FlightMode.MISSION)  # PX4 falls back to it, out of Land
-    assert "hands off: disarmed in the air at 28 m above home" in flight.said
+    assert "hands off: disarmed in the air at 28 m above home" in flight.announced
     assert not flight.finished.landed_by_us
     assert flight.finished.why == "disarmed in the air at 28 m above home"
     assert flight.finished.taken_by is None
-    assert not any("pilot chose" in text for text in flight.said)
+    assert not any("pilot chose" in text for text in flight.announced)
 
 
-def test_a_flight_termination_is_told(airborne):
+def test_a_flight_termination_is_announced(airborne):
     flight = airborne()
     flight.fly_to_state(State.INIT)
     flight.terminated = True
     flight.step()
-    assert "hands off: flight terminated in the air at 40 m above home" in flight.said
+    assert "hands off: flight terminated in the air at 40 m above home" in flight.announced
     assert flight.controller.state is State.PASSIVE
 
 
@@ -662,7 +664,9 @@ def test_no_hold_of_ours_ends_an_order_of_a_pilot_before_it_is_known_as_such(awa
     """It leads the vehicle from its leg, and perhaps near to zones, at once."""
     flight = away()
     if order == "target":
-        flight.operator_asks(GoTo((flight.position._replace(east_m=flight.position[0] + 20.0),)))
+        flight.operator_requests(
+            GoTo((flight.position._replace(east_m=flight.position[0] + 20.0),))
+        )
         flight.fly_for(1.0)
         assert isinstance(flight.motions[-1], FlyToPoint)
     commanded, elsewhere = len(flight.motions), {"item": 20, "target": Point(0.0, 80.0)}
@@ -688,7 +692,7 @@ def test_what_looked_like_a_pilot_s_order_for_a_moment_is_held_for_after_it(away
     assert len(flight.motions) > commanded
 
 
-def test_what_robots_say_ends_no_order_that_may_be_a_pilot_s(pretend):
+def test_what_robots_publish_ends_no_order_that_may_be_a_pilot_s(pretend):
     flight = pretend()
     flight.robots = dict(CORNERS)
     flight.take_off()
@@ -744,7 +748,7 @@ def test_a_mode_that_kept_an_order_from_leaving_is_the_pilots(away, mode):
     order = holds(flight)
     flight.give(CommandFailed(order, "it was not sent", sent=False, taken=mode))
     assert flight.controller.state is State.PASSIVE
-    assert flight.said[-1] == f"hands off: the pilot chose {mode.value} mode"
+    assert flight.announced[-1] == f"hands off: the pilot chose {mode.value} mode"
     assert flight.controller.gate.pending is None
 
 
@@ -765,11 +769,11 @@ def test_a_hold_that_was_sent_and_not_confirmed_explains_hold_mode(away):
     assert flight.controller.state is not State.PASSIVE
 
 
-def test_an_order_that_crossed_the_pilots_choice_is_an_alarm_that_says_what_to_do(away):
+def test_an_order_that_crossed_the_pilots_choice_is_an_alarm_with_an_instruction(away):
     flight = away()
     holds(flight)
     flight.pilot_chooses(FlightMode.RETURN)
-    assert flight.said[-1] == "hands off: the pilot chose Return mode"
+    assert flight.announced[-1] == "hands off: the pilot chose Return mode"
     flight.mode = FlightMode.HOLD  # our hold has reached it behind the pilot's choice
     flight.step()
     (alarm,) = crossing_alarms(flight)

@@ -131,14 +131,14 @@ def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
     flight.fly_to_state(State.COMM)
     goal = flight.controller.context.task.way.goal.position
     assert flight.mission.planning_airspace.point_clear(goal)
-    assert any("no hovering over callisto" in text for text in flight.said)
+    assert any("no hovering over callisto" in text for text in flight.announced)
 
 
 def test_a_command_that_fails_is_tried_again(airborne):
     flight = airborne()
     flight.fly_until(lambda: flight.controller.exploration.remaining < 39)
     flight.deaf = True
-    flight.fly_until(lambda: any("did not follow" in text for text in flight.said))
+    flight.fly_until(lambda: any("did not follow" in text for text in flight.announced))
     flight.fly_for(5.0)
     flight.deaf = False
     left = flight.controller.exploration.remaining
@@ -189,21 +189,21 @@ def island(pretend):
 
 def test_a_robot_that_no_way_leads_to_is_sought_from_outside(pretend):
     flight = island(pretend)
-    flight.fly_until(lambda: any("SEARCH io" in text for text in flight.said))
-    assert any("no clear way leads there, so 56.5 m beside it" in text for text in flight.said)
+    flight.fly_until(lambda: any("SEARCH io" in text for text in flight.announced))
+    assert any("no clear way leads there, so 56.5 m beside it" in text for text in flight.announced)
     flight.fly_until(lambda: math.dist(flight.position, Point(150.0, 150.0)) < 57.5, 200.0)
 
 
-def test_when_no_robot_can_be_sought_it_hovers_and_asks_again_now_and_then(pretend, monkeypatch):
+def test_when_no_robot_can_be_sought_it_hovers_and_tries_again_now_and_then(pretend, monkeypatch):
     flight = island(pretend)
     monkeypatch.setattr(Navigator, "hover_point", lambda _, place: place)
-    flight.fly_until(lambda: any("no way to io" in text for text in flight.said))
+    flight.fly_until(lambda: any("no way to io" in text for text in flight.announced))
     assert flight.controller.state is State.SEARCH
-    commanded, said = len(flight.motions), len(flight.said)
+    commanded, announced = len(flight.motions), len(flight.announced)
     assert isinstance(flight.motions[-1], HoldHere)
     flight.fly_for(60.0)
     assert len(flight.motions) == commanded
-    assert 3 <= len(flight.said) - said <= 7
+    assert 3 <= len(flight.announced) - announced <= 7
     flight.give(RobotPose("io", Point(0.0, 100.0), 100.0, "callisto"))
     flight.fly_until(lambda: math.dist(flight.position, Point(0.0, 100.0)) < 3.0, 60.0)
 
@@ -223,7 +223,7 @@ def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend, a
     assert len(flight.controller.exploration.left_out) <= 1
 
 
-def test_a_vehicle_that_stands_is_told_again_and_then_something_else(pretend, away):
+def test_a_vehicle_that_stands_is_commanded_again_and_then_something_else(pretend, away):
     flight = away(timers=dataclasses.replace(pretend().mission.timers, init_s=2000.0))
     commanded = len(flight.motions)
     for _ in range(750):
@@ -297,56 +297,56 @@ def test_wherever_the_robots_are_no_zone_is_touched(pretend, seed):
     assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
-def test_a_long_silence_is_told_now_and_then(airborne):
+def test_a_long_silence_is_announced_now_and_then(airborne):
     flight = airborne()
     for silent_s in (2.0, 4.0, 5.0, 6.0, 13.0, 14.0, 15.0, 24.0, 4.0):
         flight.give(LinkSilent(flight.now_s, silent_s))
-    flight.step()  # heard for a moment; the next silence is looked at a bit later than the first
+    flight.step()  # received for a moment; the next silence is checked a bit later than the first
     flight.give(LinkSilent(flight.now_s, 5.0))
-    told = [text for text in flight.said if "nothing received" in text]
-    assert [text.split()[-2] for text in told] == ["4", "14", "24", "4", "5"]
+    silences = [text for text in flight.announced if "nothing received" in text]
+    assert [text.split()[-2] for text in silences] == ["4", "14", "24", "4", "5"]
 
 
-def tells(flight, mode_s):
-    """What comes after a silence: positions first, then the flight mode."""
+def reports_mode(flight, mode_s):
+    """What is received after a silence: positions first, then the flight mode."""
     flight.shown = {"ages": Ages(mode_s=mode_s)}
     flight.step()
 
 
 @pytest.mark.parametrize("taken", [True, False])
-def test_after_a_silence_nothing_is_commanded_before_the_flight_mode_is_heard(hovering, taken):
-    """A pilot may have taken it meanwhile; what is told of its mode is from before."""
+def test_after_a_silence_nothing_is_commanded_before_the_flight_mode_is_received(hovering, taken):
+    """A pilot may have taken it meanwhile; its last mode is from before the silence."""
     flight = hovering()
-    assert flight.operator_asks(GoOn()).accepted
+    assert flight.operator_requests(GoOn()).accepted
     flight.fly_for(3.0)
     commanded = len(flight.motions)
     flight.give(LinkSilent(flight.now_s, 4.0))
     flight.position = flight.controller.context.task.way.leg.to  # it has ended its leg: on, at once
     for mode_s in (1.2, 1.3, 1.4, 1.4):
-        tells(flight, mode_s)
+        reports_mode(flight, mode_s)
         flight.give(RobotPose("io", CORNERS["io"], flight.now_s, "io"))
     assert flight.motions[commanded:] == []
-    assert flight.operator_asks(GoTo((flight.position,))).code is Refusal.NOT_HEARD
+    assert flight.operator_requests(GoTo((flight.position,))).code is Refusal.NOT_HEARD
     if taken:
         flight.pilot_chooses(FlightMode.POSITION)  # however old that is, a pilot chose it
         assert flight.controller.state is State.PASSIVE
         assert flight.motions[commanded:] == []
     else:
-        tells(flight, 0.1)
+        reports_mode(flight, 0.1)
         flight.step()
         assert len(flight.motions) > commanded
 
 
-def test_a_flight_mode_that_is_not_heard_after_a_silence_counts_as_missing(away):
+def test_a_flight_mode_that_is_not_received_after_a_silence_counts_as_missing(away):
     flight = away()
     flight.give(LinkSilent(flight.now_s, 4.0))
     for mode_s in (4.8, 4.9, 5.0):
-        assert not any("flight mode not received" in text for text in flight.said)
-        tells(flight, mode_s)
-    assert any("flight mode not received for 5 s" in text for text in flight.said)
+        assert not any("flight mode not received" in text for text in flight.announced)
+        reports_mode(flight, mode_s)
+    assert any("flight mode not received for 5 s" in text for text in flight.announced)
 
 
-def test_a_hold_that_was_not_asked_for_does_not_leave_while_nothing_is_heard(away):
+def test_a_hold_that_was_not_requested_does_not_leave_while_nothing_is_received(away):
     flight = away()
     flight.give(LinkSilent(flight.now_s, 4.0))
     commanded, mission = len(flight.motions), flight.mission
@@ -356,7 +356,7 @@ def test_a_hold_that_was_not_asked_for_does_not_leave_while_nothing_is_heard(awa
     flight.step()
     assert isinstance(flight.motions[-1], HoldHere)
     flight.give(LinkSilent(flight.now_s, 4.0))
-    flight.operator_asks(HoldNow())
+    flight.operator_requests(HoldNow())
     assert flight.controller.state is State.HOLD
 
 
@@ -400,7 +400,7 @@ def test_whatever_goes_wrong_nothing_raises_no_pilot_is_overridden_and_no_zone_i
     assert len(flight.motions) == commanded
 
 
-def test_a_robot_that_cannot_be_read_is_told_of_and_changes_nothing(airborne):
+def test_a_robot_that_cannot_be_read_is_announced_and_changes_nothing(airborne):
     flight = airborne()
     before = len(flight.actions)
     flight.give(PeerFault("/pose of io cannot be read"))

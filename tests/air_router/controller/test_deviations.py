@@ -1,4 +1,4 @@
-"""What is off what was planned: told when it begins, and held for, by the table of `deviations`."""
+"""Deviations from the plan: announced as they begin, and held for, by the table of `deviations`."""
 
 import dataclasses
 import math
@@ -46,8 +46,8 @@ def fly(flight, seconds):
     flight.fly_until(lambda: flight.now_s >= end_s)
 
 
-def told(flight, word):
-    return [text for text in flight.said if word in text]
+def announced(flight, part):
+    return [text for text in flight.announced if part in text]
 
 
 @pytest.mark.parametrize("moved", [LOWER, HomeMove(30.0, 40.0, 15.0)])
@@ -56,14 +56,14 @@ def test_home_moved_up_or_down_it_holds_at_once_and_flies_on_in_the_planned_heig
     before = len(cruising.motions)
     cruising.step()
     assert isinstance(cruising.motions[before], HoldHere)
-    assert len(told(cruising, "home was moved")) == 1
+    assert len(announced(cruising, "home was moved")) == 1
     cruising.ends()
     after = cruising.motions[before + 1 :]
     assert not any(isinstance(motion, FlyToNode) for motion in after)
     heights_m = {motion.altitude_m for motion in after if isinstance(motion, FlyToPoint)}
     assert heights_m == {cruising.mission.altitude_above_home_m}
     assert cruising.finished.landed_by_us
-    assert len(told(cruising, "home was moved")) == 1
+    assert len(announced(cruising, "home was moved")) == 1
 
 
 def test_a_jump_that_was_decided_before_home_moved_is_not_sent(cruising):
@@ -77,28 +77,28 @@ def test_a_jump_that_was_decided_before_home_moved_is_not_sent(cruising):
     assert "home was moved" in navigator.objection(motion, telemetry.time_s)
 
 
-def test_home_moved_aside_is_told_and_flown_on(cruising):
+def test_home_moved_aside_is_announced_and_flown_on(cruising):
     cruising.home_moved = HomeMove(60.0, 0.0, 0.5)
     before = len(cruising.motions)
     fly(cruising, 1.0)
     assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])
-    (words,) = told(cruising, "home was moved")
-    assert "60 m east" in words
+    (text,) = announced(cruising, "home was moved")
+    assert "60 m east" in text
 
 
 @pytest.mark.parametrize("state", [State.HOLD, State.HOME, State.LAND, State.PASSIVE])
-def test_home_moved_is_told_in_every_state_in_the_air(airborne, state):
+def test_home_moved_is_announced_in_every_state_in_the_air(airborne, state):
     flight = airborne(duration_s=60.0)
     if state is State.HOLD:
         flight.fly_away()
-        flight.operator_asks(HoldNow(by="operator"))
+        flight.operator_requests(HoldNow(by="operator"))
     elif state is State.PASSIVE:
         flight.fly_away()
         flight.pilot_chooses(FlightMode.OTHER)
     flight.fly_to_state(state)
     flight.home_moved = LOWER
     flight.step()
-    assert len(told(flight, "home was moved")) == 1
+    assert len(announced(flight, "home was moved")) == 1
 
 
 def test_home_moved_in_the_climb_it_comes_down_again(pretend):
@@ -107,28 +107,28 @@ def test_home_moved_in_the_climb_it_comes_down_again(pretend):
     flight.home_moved = LOWER
     flight.step()
     assert State.HOME in flight.states
-    assert told(flight, "home was moved in the climb")
+    assert announced(flight, "home was moved in the climb")
 
 
-def test_a_battery_at_its_reserve_in_the_climb_is_told_and_ends_it(pretend):
+def test_a_battery_at_its_reserve_in_the_climb_is_announced_and_ends_it(pretend):
     flight = pretend()
     flight.take_off_halfway()
     flight.battery = 0.2
     flight.step()
     assert flight.states[-2:] == [State.HOME, State.LAND]
-    assert told(flight, "coming home: battery at 20%")
+    assert announced(flight, "coming home: battery at 20%")
     flight.lands()
 
 
 @pytest.mark.parametrize("off_m", [-8.0, 8.0])
-def test_sinking_or_climbing_off_its_altitudes_is_told_and_held_for(cruising, off_m):
+def test_sinking_or_climbing_off_its_altitudes_is_announced_and_held_for(cruising, off_m):
     for _ in range(20):
         cruising.altitude_m += off_m / 20
         cruising.step()
     before = len(cruising.motions)
     fly(cruising, OFF_ALTITUDE_S + 0.5)
     assert isinstance(cruising.motions[before], HoldHere)
-    assert len(told(cruising, "too low" if off_m < 0 else "too high")) == 1
+    assert len(announced(cruising, "too low" if off_m < 0 else "too high")) == 1
     fly(cruising, OFF_ALTITUDE_HOME_S)
     assert cruising.controller.state is State.HOME
 
@@ -140,7 +140,7 @@ def test_a_vehicle_that_comes_down_to_its_altitudes_is_left_alone(pretend):
     for _ in range(300):
         flight.altitude_m -= 0.1
         flight.step()
-    assert not told(flight, "too high")
+    assert not announced(flight, "too high")
 
 
 def test_a_jump_of_the_altitude_is_held_for_until_it_is_back(cruising):
@@ -149,14 +149,14 @@ def test_a_jump_of_the_altitude_is_held_for_until_it_is_back(cruising):
     fly(cruising, 10.0)
     (hold,) = cruising.motions[before:]
     assert isinstance(hold, HoldHere)
-    assert len(told(cruising, "the altitude jumped from 40 to 52 m")) == 1
+    assert len(announced(cruising, "the altitude jumped from 40 to 52 m")) == 1
     cruising.altitude_m -= 12.0
     fly(cruising, 5.0)
     assert cruising.motions[before + 1 :]
     assert cruising.controller.state is not State.HOME
 
 
-def test_a_lost_clearance_is_told_while_it_happens_and_held_for(cruising):
+def test_a_lost_clearance_is_announced_while_it_happens_and_held_for(cruising):
     mission = cruising.mission
     cruising.position = next(
         place
@@ -169,9 +169,9 @@ def test_a_lost_clearance_is_told_while_it_happens_and_held_for(cruising):
     before = len(cruising.motions)
     cruising.step()
     assert isinstance(cruising.motions[before], HoldHere)
-    (words,) = told(cruising, "m are required")
-    assert names_of((name,)) in words
-    left_m = float(words.split(": ")[1].split()[0])
+    (text,) = announced(cruising, "m are required")
+    assert names_of((name,)) in text
+    left_m = float(text.split(": ")[1].split()[0])
     assert left_m == pytest.approx(distance_m, abs=1.0)
     cruising.lands()
 
@@ -189,7 +189,7 @@ def test_a_zone_far_above_counts_once_it_has_climbed_there(pennovation):
     assert "too near to no-fly zone 'high'" in found.words
 
 
-def test_faster_than_commanded_is_told_and_held_for(cruising):
+def test_faster_than_commanded_is_announced_and_held_for(cruising):
     east_m_s, north_m_s = cruising.velocity
     speed_m_s = math.hypot(east_m_s, north_m_s)
     before = len(cruising.motions)
@@ -200,7 +200,7 @@ def test_faster_than_commanded_is_told_and_held_for(cruising):
         return dataclasses.replace(telemetry, velocity_m_s=velocity)
 
     cruising.telemetry = rushes
-    cruising.fly_until(lambda: told(cruising, "it flies at 12.0 m/s"), OVERSPEED_S + 0.5)
+    cruising.fly_until(lambda: announced(cruising, "it flies at 12.0 m/s"), OVERSPEED_S + 0.5)
     assert isinstance(cruising.motions[before], HoldHere)
 
 
@@ -219,15 +219,15 @@ def off_by(pretend):
     return flight, off_m
 
 
-def test_an_altitude_that_the_satellites_do_not_follow_is_told_and_brings_it_home(off_by):
+def test_an_altitude_that_the_satellites_do_not_follow_is_announced_and_brings_it_home(off_by):
     flight, off_m = off_by
     flight.take_off()
     flight.fly_away()
     for _ in range(300):  # 0.3 m/s, as a barometer drifts
         off_m[-1] -= 0.03
         flight.step()
-    words, last = told(flight, "the altitude is in doubt")
-    assert words.endswith("40 m by the autopilot, 36 m by the satellites")
+    first, last = announced(flight, "the altitude is in doubt")
+    assert first.endswith("40 m by the autopilot, 36 m by the satellites")
     assert last.startswith("coming home")
     assert flight.controller.state in {State.HOME, State.LAND}
 
@@ -244,17 +244,17 @@ def test_one_bad_altitude_of_the_satellites_raises_no_doubt(off_by, later_s, sil
     fly(flight, 1.5)
     off_m.append(0.0)
     fly(flight, 30.0)
-    assert not told(flight, "in doubt")
+    assert not announced(flight, "in doubt")
 
 
 @pytest.mark.parametrize(("off", "soon_s"), [(8.0, 6.0), (60.0, 4.0)])
-def test_an_altitude_that_is_off_for_good_is_told_within_seconds(off_by, off, soon_s):
+def test_an_altitude_that_is_off_for_good_is_announced_within_seconds(off_by, off, soon_s):
     flight, off_m = off_by
     flight.take_off()
     flight.fly_away()
     off_m.append(off)
     fly(flight, soon_s)
-    assert told(flight, "coming home: the altitude is in doubt")
+    assert announced(flight, "coming home: the altitude is in doubt")
 
 
 ABOVE, BELOW = Band(48.0, 70.0), Band(20.0, 32.0)
@@ -270,7 +270,7 @@ def in_doubt(off_by, off, *zones_between):
     fly(flight, 1.0)
     flight.give(PlanRenewed())
     off_m.append(off)
-    flight.fly_until(lambda: told(flight, "coming home: the altitude is in doubt"), 10.0)
+    flight.fly_until(lambda: announced(flight, "coming home: the altitude is in doubt"), 10.0)
     return flight, zones[0]
 
 
@@ -290,20 +290,20 @@ def around(_here, home):
     return Zone("ring", Outline(ring, (hole,)), band=ABOVE)
 
 
-def asked(flight, action):
+def requested(flight, action):
     return [each for each in flight.actions if isinstance(each, action)]
 
 
 def replanned(flight):
-    """The ways that were asked for are there."""
+    """The requested ways are planned."""
     mission = flight.controller.context.airspace.mission
     flight.give(AirspaceChanged(mission.fences, mission.drawn))
 
 
 def on_board(flight):
-    """What is put on board is there."""
-    before = len(asked(flight, RenewPlan))
-    flight.fly_until(lambda: len(asked(flight, RenewPlan)) > before, 30.0)
+    """The plan that is uploaded is on board."""
+    before = len(requested(flight, RenewPlan))
+    flight.fly_until(lambda: len(requested(flight, RenewPlan)) > before, 30.0)
     flight.give(PlanRenewed())
 
 
@@ -316,11 +316,11 @@ def test_with_its_altitude_in_doubt_it_comes_home_clear_of_zones_at_every_height
         flight.controller.context.airspace.router is router
     )  # it is replaced by one made elsewhere
     replanned(flight)
-    assert "zones changed: all apply at every altitude" in flight.said
+    assert "zones changed: all apply at every altitude" in flight.announced
     on_board(flight)
     flight.lands()
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
-    assert len(asked(flight, ReplanAirspace)) == 1
+    assert len(requested(flight, ReplanAirspace)) == 1
 
 
 def test_with_its_altitude_in_doubt_it_leaves_a_zone_that_ends_below_it(off_by):
@@ -328,7 +328,7 @@ def test_with_its_altitude_in_doubt_it_leaves_a_zone_that_ends_below_it(off_by):
     replanned(flight)
     assert Airspace(None, [zone], 0.0).zones_at(flight.position)
     fly(flight, 1.0)
-    assert told(flight, "leaving no-fly zone 'low'")
+    assert announced(flight, "leaving no-fly zone 'low'")
     on_board(flight)
     assert not Airspace(None, [zone], 0.0).zones_at(flight.position)
     flight.lands()
@@ -342,7 +342,7 @@ def test_zones_that_begin_far_above_are_none_with_the_altitude_in_doubt_either(
     band = Band(lower_m, 900.0)
     flight, _ = in_doubt(off_by, 8.0, lambda here, _: Zone("class", Circle(here, 30.0), band=band))
     fly(flight, 1.0)
-    assert bool(asked(flight, ReplanAirspace)) == counts
+    assert bool(requested(flight, ReplanAirspace)) == counts
     if not counts:
         flight.lands()
 
@@ -351,7 +351,7 @@ def test_zones_above_home_are_none_with_the_altitude_in_doubt_either(off_by):
     """It took off below them: if they counted, no way would lead home."""
     flight, _ = in_doubt(off_by, 8.0, lambda _, home: Zone("over", Circle(home, 900.0), band=ABOVE))
     flight.lands()
-    assert not asked(flight, ReplanAirspace)
+    assert not requested(flight, ReplanAirspace)
 
 
 def test_zones_that_are_reloaded_with_the_altitude_in_doubt_count_at_every_height_too(off_by):
@@ -364,8 +364,8 @@ def test_zones_that_are_reloaded_with_the_altitude_in_doubt_count_at_every_heigh
     assert now.drawn[-1] == another
     on_board(flight)
     fly(flight, 3.0)
-    assert len(asked(flight, ReplanAirspace)) == 1  # which came too late
-    assert told(flight, "zones changed: 'another' is new, all apply at every altitude")
+    assert len(requested(flight, ReplanAirspace)) == 1  # which came too late
+    assert announced(flight, "zones changed: 'another' is new, all apply at every altitude")
 
 
 @pytest.mark.parametrize("taken", [True, False])
@@ -375,11 +375,11 @@ def test_zones_that_count_at_every_height_hold_no_vehicle_of_a_pilot_and_no_land
         flight.pilot_chooses(FlightMode.POSITION)
     else:
         flight.fly_to_state(State.LAND)
-    before, uploads = len(flight.motions), len(asked(flight, RenewPlan))
+    before, uploads = len(flight.motions), len(requested(flight, RenewPlan))
     replanned(flight)
     fly(flight, 1.0)
     assert flight.motions[before:] == []
-    assert len(asked(flight, RenewPlan)) == uploads
+    assert len(requested(flight, RenewPlan)) == uploads
     assert flight.controller.state is (State.PASSIVE if taken else State.LAND)
     if not taken:
         flight.lands()
@@ -393,25 +393,25 @@ def test_zones_that_counted_at_every_height_while_a_pilot_had_it_go_on_board_onc
     replanned(flight)
     flight.pilot_chooses(FlightMode.HOLD)
     since = len(flight.track)
-    assert flight.operator_asks(GoOn()).accepted
+    assert flight.operator_requests(GoOn()).accepted
     on_board(flight)
     flight.give(ComeHome())
     flight.lands()
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
 
 
-def test_ways_that_are_planned_while_a_plan_is_put_on_board_are_asked_for_again(off_by):
+def test_ways_that_are_planned_while_a_plan_is_put_on_board_are_requested_again(off_by):
     flight, _ = in_doubt(off_by, 8.0, beside(ABOVE))
     flight.controller.airspace_update.upload_again()
-    before = len(asked(flight, RenewPlan))
-    flight.fly_until(lambda: len(asked(flight, RenewPlan)) > before, 30.0)
+    before = len(requested(flight, RenewPlan))
+    flight.fly_until(lambda: len(requested(flight, RenewPlan)) > before, 30.0)
     replanned(flight)
-    assert not told(flight, "zones not changed")
+    assert not announced(flight, "zones not changed")
     fly(flight, 1.0)
-    assert len(asked(flight, ReplanAirspace)) == 1
+    assert len(requested(flight, ReplanAirspace)) == 1
     flight.give(PlanRenewed())
     flight.step()
-    assert len(asked(flight, ReplanAirspace)) == 2
+    assert len(requested(flight, ReplanAirspace)) == 2
 
 
 def test_with_its_altitude_in_doubt_by_a_jump_that_is_held_for_before_zones_change(off_by):
@@ -424,18 +424,18 @@ def test_with_its_altitude_in_doubt_by_a_jump_that_is_held_for_before_zones_chan
     fly(flight, 1.0)
 
     def reads_low():
-        told = reads()
-        low_m, low_amsl_m = told.altitude_m - 8.0, told.altitude_amsl_m - 8.0
-        return dataclasses.replace(told, altitude_m=low_m, altitude_amsl_m=low_amsl_m)
+        telemetry = reads()
+        low_m, low_amsl_m = telemetry.altitude_m - 8.0, telemetry.altitude_amsl_m - 8.0
+        return dataclasses.replace(telemetry, altitude_m=low_m, altitude_amsl_m=low_amsl_m)
 
     flight.telemetry = reads_low
-    flight.fly_until(lambda: told(flight, "coming home: the altitude is in doubt"), 10.0)
+    flight.fly_until(lambda: announced(flight, "coming home: the altitude is in doubt"), 10.0)
     fly(flight, 5.0)
-    assert not asked(flight, ReplanAirspace)
+    assert not requested(flight, ReplanAirspace)
     flight.telemetry = reads
     fly(flight, 4.0)
-    assert len(told(flight, "the altitude jumped")) == 2
-    assert len(asked(flight, ReplanAirspace)) == 1
+    assert len(announced(flight, "the altitude jumped")) == 2
+    assert len(requested(flight, ReplanAirspace)) == 1
 
 
 def test_in_haste_it_comes_home_clear_of_zones_at_every_height_without_them_on_board(off_by):
@@ -444,7 +444,7 @@ def test_in_haste_it_comes_home_clear_of_zones_at_every_height_without_them_on_b
     flight.battery = flight.mission.battery_reserve
     replanned(flight)
     flight.lands()
-    assert told(flight, "not on board: it comes home at once, for its battery")
+    assert announced(flight, "not on board: it comes home at once, for its battery")
     assert Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0] >= 5.0
 
 
@@ -469,46 +469,46 @@ def test_where_no_way_is_clear_at_every_height_the_operator_or_the_reserve_decid
     replanned(flight)
     if covers not in zones:
         on_board(flight)
-    flight.fly_until(lambda: told(flight, alarm), 10.0)
-    said = [each for each in flight.announced if alarm in each.text]
-    assert {(each.severity, each.instruction) for each in said} == {
+    flight.fly_until(lambda: announced(flight, alarm), 10.0)
+    alarms = [each for each in flight.announcements if alarm in each.text]
+    assert {(each.severity, each.instruction) for each in alarms} == {
         (Severity.ALARM, BRING_HOME_BY_HEIGHT)
     }
     fly(flight, 25.0)
     assert isinstance(flight.motions[-1], HoldHere)
     if by_request:
-        answer = flight.operator_asks(ComeHome())
+        answer = flight.operator_requests(ComeHome())
         assert answer.accepted
         assert "clear at PX4's altitude" in answer.why
     else:
         flight.battery = flight.mission.battery_reserve
     fly(flight, 1.0)
-    assert told(flight, "coming home, clear of zones by PX4's altitude alone")
-    assert len(asked(flight, ReplanAirspace)) == 2
+    assert announced(flight, "coming home, clear of zones by PX4's altitude alone")
+    assert len(requested(flight, ReplanAirspace)) == 2
     replanned(flight)
-    assert "zones changed: each applies at its altitudes again" in flight.said
+    assert "zones changed: each applies at its altitudes again" in flight.announced
     before = len(flight.motions)
     fly(flight, 3.0)
     # PX4 would hold it at the fence on board: also at the reserve that is lifted first.
     assert all(isinstance(motion, HoldHere) for motion in flight.motions[before:])
     flight.give(PlanRenewed())
     flight.lands(200.0)
-    assert len(asked(flight, ReplanAirspace)) == 2
+    assert len(requested(flight, ReplanAirspace)) == 2
 
 
 def test_while_a_way_is_opened_home_once_more_trusts_no_altitude_that_is_in_doubt(off_by):
     flight, _ = in_doubt(off_by, 8.0, around, beside(ABOVE))
     replanned(flight)
     on_board(flight)
-    flight.fly_until(lambda: told(flight, "no way home is clear at every altitude"), 10.0)
+    flight.fly_until(lambda: announced(flight, "no way home is clear at every altitude"), 10.0)
     mission = flight.controller.context.airspace.mission
     zones = tuple(zone for zone in mission.drawn if zone.name != "ring")
     flight.give(AirspaceChanged(mission.fences, zones))
     fly(flight, 3.0)
-    assert "already" in flight.operator_asks(ComeHome()).why
+    assert "already" in flight.operator_requests(ComeHome()).why
     flight.give(PlanRenewed())
     flight.lands()
-    assert not told(flight, "coming home, clear of zones by PX4's altitude alone")
+    assert not announced(flight, "coming home, clear of zones by PX4's altitude alone")
 
 
 def test_a_router_among_zones_of_other_heights_is_another_though_they_count_at_all(pennovation):
@@ -532,7 +532,7 @@ def test_a_way_home_that_was_requested_and_is_needed_since_may_not_be_called_off
     off_m.append(8.0)
     fly(flight, 12.0)
     assert flight.controller.state is State.HOME
-    refused = flight.operator_asks(ExploreNow())
+    refused = flight.operator_requests(ExploreNow())
     assert refused.code is Refusal.COMING_HOME
     assert refused.why.startswith("it comes home: the operator's request; the altitude is in doubt")
 
@@ -571,7 +571,7 @@ def test_a_jump_of_the_altitude_is_forgotten_once_the_pilot_has_had_the_vehicle(
     cruising.pilot_chooses(FlightMode.HOLD)
     cruising.give(GoOn())
     fly(cruising, 20.0)
-    assert "climbing from 20 to 40 m first" in cruising.said
+    assert "climbing from 20 to 40 m first" in cruising.announced
     assert cruising.controller.state is not State.HOME
 
 
@@ -580,9 +580,11 @@ def test_home_that_px4_may_have_set_itself_is_no_operator_s_move(cruising):
     cruising.step()
     cruising.home_moved = LOWER
     cruising.step()
-    (said,) = [a for a in cruising.announced if "home was" in a.text]
-    assert said.text.startswith("home was set again while GPS has no fix, as PX4 does on its own: ")
-    assert (said.severity, said.instruction) == (Severity.WARNING, RETURN_ELSEWHERE)
+    (warning,) = [a for a in cruising.announcements if "home was" in a.text]
+    assert warning.text.startswith(
+        "home was set again while GPS has no fix, as PX4 does on its own: "
+    )
+    assert (warning.severity, warning.instruction) == (Severity.WARNING, RETURN_ELSEWHERE)
 
 
 def test_home_that_px4_set_as_it_touched_down_is_no_operator_s_move(airborne):
@@ -594,14 +596,14 @@ def test_home_that_px4_set_as_it_touched_down_is_no_operator_s_move(airborne):
     flight.step()
     flight.in_air, flight.home_moved = True, HIGHER
     flight.step()
-    (said,) = [a for a in flight.announced if "home was" in a.text]
-    assert said.text.startswith("home was set again as it lifted off or touched down")
-    assert said.instruction == RETURN_ELSEWHERE
+    (warning,) = [a for a in flight.announcements if "home was" in a.text]
+    assert warning.text.startswith("home was set again as it lifted off or touched down")
+    assert warning.instruction == RETURN_ELSEWHERE
     flight.home_moved = None
     flight.fly_for(10.0)
     flight.home_moved = HIGHER
     flight.step()
-    assert told(flight, "home was moved")  # long after that it is a station's
+    assert announced(flight, "home was moved")  # long after that it is a station's
 
 
 def test_a_mission_without_a_vertical_margin_is_flown_without_a_false_alarm(airborne, pennovation):
@@ -610,15 +612,15 @@ def test_a_mission_without_a_vertical_margin_is_flown_without_a_false_alarm(airb
     for number in range(200):
         flight.altitude_m = 40.0 + (2.3 if number > 20 else 0.0)
         flight.step()
-    assert not told(flight, "too high")
+    assert not announced(flight, "too high")
 
 
-def test_much_slower_than_commanded_is_told_once_and_flown_on(cruising):
+def test_much_slower_than_commanded_is_announced_once_and_flown_on(cruising):
     pace_m_s, before = 2.0 / 5.0, len(cruising.motions)
     wanted = cruising.wanted
     cruising.wanted = lambda: tuple(pace_m_s * component for component in wanted())
     fly(cruising, 40.0)
-    assert len(told(cruising, "it flies only at")) == 1
+    assert len(announced(cruising, "it flies only at")) == 1
     assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])
 
 

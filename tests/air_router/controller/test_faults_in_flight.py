@@ -60,7 +60,7 @@ def test_without_a_fix_it_holds_and_goes_on_some_seconds_after_it_is_back(away):
     assert len(flight.motions) == commanded
     flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
     flight.lands()
-    assert sum("lost its fix" in text for text in flight.said) == 1
+    assert sum("lost its fix" in text for text in flight.announced) == 1
 
 
 def in_comm(flight):
@@ -82,7 +82,7 @@ def test_a_landing_goes_on_without_a_fix(airborne):
     flight.fix = False
     flight.ends()
     assert len(flight.motions) == commanded
-    assert "GPS has lost its fix: landing on" in flight.said
+    assert "GPS has lost its fix: landing on" in flight.announced
     assert flight.finished.landed_by_us
 
 
@@ -104,7 +104,7 @@ def test_a_vehicle_that_does_not_jump_is_sent_to_points(pretend):
 
     def no_jumps(action):
         if isinstance(action, FlyToNode):
-            flight.give(CommandFailed(action, "Mission mode was asked for and it stays in Hold"))
+            flight.give(CommandFailed(action, "Mission mode was requested and it stays in Hold"))
         else:
             act(action)
 
@@ -113,7 +113,7 @@ def test_a_vehicle_that_does_not_jump_is_sent_to_points(pretend):
     flight.lands()
     first_point = next(m for m in flight.motions if isinstance(m, FlyToPoint))
     assert [type(m) for m in flight.motions[: flight.motions.index(first_point)]] == [FlyToNode] * 4
-    assert flight.said.count("the plan on board is not flown: flying to points instead") == 1
+    assert flight.announced.count("the plan on board is not flown: flying to points instead") == 1
 
 
 def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
@@ -123,7 +123,7 @@ def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
     flight.step()
     commanded = len(flight.motions)
     flight.give(has_moved(robot, flight))
-    flight.operator_asks(ComeHome())
+    flight.operator_requests(ComeHome())
     assert flight.controller.state is State.HOME
     flight.fix = True
     flight.fly_for(2.5)
@@ -131,7 +131,7 @@ def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
     flight.lands()
 
 
-def test_a_hold_without_a_fix_that_failed_is_asked_for_again(away):
+def test_a_hold_without_a_fix_that_failed_is_commanded_again(away):
     flight = away()
     flight.fix, flight.deaf = False, True
     flight.step()
@@ -170,7 +170,7 @@ def test_a_breach_is_held_given_to_the_pilot_and_never_resumed_by_itself(away):
     flight.step()
     assert isinstance(flight.motions[-1], HoldHere)
     assert flight.controller.state is State.PASSIVE
-    assert any("breach of" in text and "not resumed" in text for text in flight.said)
+    assert any("breach of" in text and "not resumed" in text for text in flight.announced)
     commanded = len(flight.motions)
     flight.position = flight.mission.home
     flight.fly_for(30.0)
@@ -188,7 +188,7 @@ def in_breach_and_deaf(away):
     return flight, commanded
 
 
-def test_a_hold_before_hands_off_that_was_lost_is_said_again(away):
+def test_a_hold_before_hands_off_that_was_lost_is_commanded_again(away):
     flight, commanded = in_breach_and_deaf(away)
     flight.fly_for(3.5)
     assert flight.controller.state is State.INIT
@@ -203,10 +203,10 @@ def test_a_breach_that_cannot_be_held_is_given_to_the_pilot_all_the_same(away):
     flight.give(has_moved("io", flight))  # and nothing else is commanded meanwhile
     flight.fly_to_state(State.PASSIVE, 30.0)
     assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * 6
-    assert flight.said[-1].endswith("it did not follow the hold command")
+    assert flight.announced[-1].endswith("it did not follow the hold command")
 
 
-def test_a_pilot_who_takes_it_while_the_hold_is_said_again_keeps_it(away):
+def test_a_pilot_who_takes_it_while_the_hold_is_commanded_again_keeps_it(away):
     flight, commanded = in_breach_and_deaf(away)
     flight.pilot_chooses(FlightMode.OTHER)
     assert flight.controller.state is State.PASSIVE
@@ -223,7 +223,7 @@ def test_while_it_is_held_before_hands_off_another_fence_changes_nothing(away):
     assert flight.mode is FlightMode.HOLD
 
 
-def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_meanwhile(airborne):
+def test_a_hold_without_a_fix_that_failed_is_commanded_again_whatever_happens_meanwhile(airborne):
     flight = airborne()
     flight.fly_to_state(State.SEARCH)
     robot = flight.controller.context.task.robot

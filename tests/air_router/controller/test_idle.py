@@ -66,11 +66,11 @@ def test_while_anything_is_left_to_explore_no_robot_has_to_wait(pretend, pennova
     assert flight.states.count(State.COMM) >= 5
 
 
-def test_it_comes_home_where_the_mission_says_so(explored):
+def test_it_comes_home_where_the_mission_requires_it(explored):
     flight = explored({**BESIDE, "europa": Point(75.0, -150.0)}, when_explored="home")
     flight.lands()
     assert State.COMM in flight.states
-    assert "everything is explored and every robot has been met" in " ".join(flight.said)
+    assert "everything is explored and every robot has been met" in " ".join(flight.announced)
 
 
 def test_on_its_way_to_the_middle_it_holds_at_once_for_an_input_that_is_missing(explored):
@@ -114,4 +114,4 @@ def test_without_robots_it_explores_and_comes_home(pretend, pennovation):
     flight.take_off()
     flight.lands()
     assert State.COMM not in flight.states
-    assert "everything is explored, and the mission seeks no robot" in " ".join(flight.said)
+    assert "everything is explored, and the mission seeks no robot" in " ".join(flight.announced)

@@ -18,10 +18,10 @@ from geo.frame import Point
 
 
 def lag_warnings(flight):
-    return [a for a in flight.announced if "this program stood still" in a.text]
+    return [a for a in flight.announcements if "this program stood still" in a.text]
 
 
-def test_a_short_lag_is_told_and_flown_on(away):
+def test_a_short_lag_is_announced_and_flown_on(away):
     flight = away(duration_s=None)
     commanded = len(flight.motions)
     flight.give(CompanionLagged(0.8))
@@ -61,14 +61,14 @@ def test_what_a_pilot_chose_meanwhile_is_not_ended(away):
 
 def test_a_landing_is_not_held(away):
     flight = away(duration_s=None)
-    flight.operator_asks(ComeHome())
+    flight.operator_requests(ComeHome())
     flight.fly_until(lambda: flight.controller.state is State.LAND, 600.0)
     flight.give(CompanionLagged(5.0))
     flight.lands()
     assert not any(isinstance(motion, HoldHere) for motion in flight.motions[-1:])
 
 
-def told(time_s, position):
+def telemetry(time_s, position):
     return Telemetry(time_s, position, 40.0, armed=True, in_air=True)
 
 
@@ -78,11 +78,11 @@ def test_a_way_that_was_not_looked_at_is_looked_back_on(pennovation, to_m, near)
     home = pennovation.home
     context = MissionContext(pennovation, None)
     monitor = LagMonitor(context)
-    context.telemetry = before = told(10.0, home)
+    context.telemetry = before = telemetry(10.0, home)
     monitor.note(before)
     monitor.lagged(CompanionLagged(1.0))
     place = Point(home.east_m + to_m, home.north_m)
-    after = told(12.0, place)
+    after = telemetry(12.0, place)
     monitor.note(after)
     found = monitor.update(after)
     assert [deviation.response for deviation in found] == ([Response.ANNOUNCE] if near else [])
@@ -90,16 +90,16 @@ def test_a_way_that_was_not_looked_at_is_looked_back_on(pennovation, to_m, near)
     assert monitor.update(after) == ()  # once
 
 
-def test_what_waits_in_its_own_sockets_is_not_told_as_missing(away):
-    flight, unheard = away(duration_s=None), "battery not received"
+def test_what_waits_in_its_own_sockets_is_not_announced_as_missing(away):
+    flight, missing = away(duration_s=None), "battery not received"
     true = flight.telemetry
     flight.give(CompanionLagged(0.6))
     flight.telemetry = lambda: dataclasses.replace(true(), ages=Ages(battery_s=6.0))
     flight.fly_for(1.0)
     flight.telemetry = true
     flight.fly_for(1.0)
-    assert not any("battery" in text for text in flight.said)
+    assert not any("battery" in text for text in flight.announced)
     flight.fly_for(LAG_RECENT_S)
     flight.telemetry = lambda: dataclasses.replace(true(), ages=Ages(battery_s=6.0))
     flight.fly_for(1.0)
-    assert any(text.startswith(unheard) for text in flight.said)
+    assert any(text.startswith(missing) for text in flight.announced)

@@ -8,14 +8,14 @@ from geo.frame import Point
 HERE, HEIGHT_M = Point(0, 0), 40.0
 
 
-def heard(now_s=100.0):
+def one_received(now_s=100.0):
     targets = TargetList(("a", "b"))
     targets.tracks["a"].pose_received(Point(50, 0), 1e9, now_s)
     return targets
 
 
 def test_only_robots_whose_pose_is_recent_are_sampled():
-    log, targets = LinkLog(), heard()
+    log, targets = LinkLog(), one_received()
     log.update(HERE, HEIGHT_M, targets, 110.0)
     (sample,) = log.samples
     assert (sample.robot, sample.time_s, sample.here, sample.place) == ("a", 110.0, HERE, (50, 0))
@@ -25,7 +25,7 @@ def test_only_robots_whose_pose_is_recent_are_sampled():
 
 
 def test_a_robot_is_linked_from_the_beginning_of_a_contact_to_its_end():
-    log, targets = LinkLog(), heard()
+    log, targets = LinkLog(), one_received()
     for now_s, linked in ((102.0, True), (104.0, True), (106.0, False)):
         log.contact("a", linked=linked)
         log.update(HERE, HEIGHT_M, targets, now_s)
@@ -33,7 +33,7 @@ def test_a_robot_is_linked_from_the_beginning_of_a_contact_to_its_end():
 
 
 def test_samples_have_an_interval_and_a_bound():
-    log, targets = LinkLog(), heard()
+    log, targets = LinkLog(), one_received()
     for step in range(100):
         log.update(HERE, HEIGHT_M, targets, 100.0 + 0.1 * step)
     assert len(log.samples) == 5

@@ -1,6 +1,6 @@
 """The whole product of states, interlocks and events holds what the flight promises.
 
-Some 1700 cells, each the real controller; `matrix` says how they are flown.
+Some 1700 cells, each the real controller; `matrix` flies them.
 """
 
 import copy
@@ -16,7 +16,7 @@ from tests.air_router.controller.matrix import EVENTS, NOT_RAISED, RAISES, REQUE
 from tests.printed import assert_printed
 
 LONG_S = 150.0
-SILENT_S = 75.0  # no vehicle that should move stands so long without a word
+SILENT_S = 75.0  # no vehicle that should move stands so long without an announcement
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def legs(cell):
 
 
 def test_nothing_leaves_while_another_has_the_vehicle(cells):
-    """But for a hold that was on its way, and what the operator asks for."""
+    """But for a hold that was on its way, and what the operator requests."""
     theirs = [
         cell
         for cell in cells
@@ -72,9 +72,9 @@ def test_nothing_leaves_while_another_has_the_vehicle(cells):
 
 
 def test_every_request_is_answered_with_a_sentence(cells):
-    asked = [cell for cell in cells if cell.event in REQUESTS]
-    assert where(cell for cell in asked if cell.answer is None or not cell.answer.why) == []
-    refused = [cell for cell in asked if not cell.answer.accepted]
+    requests = [cell for cell in cells if cell.event in REQUESTS]
+    assert where(cell for cell in requests if cell.answer is None or not cell.answer.why) == []
+    refused = [cell for cell in requests if not cell.answer.accepted]
     assert where(cell for cell in refused if cell.answer.code is None) == []
 
 
@@ -84,13 +84,13 @@ def test_a_motion_that_is_kept_back_has_a_named_reason(cells):
         cell
         for cell in cells
         if cell.event in sets_out and cell.answer.accepted and cell.ours_at_end
-        if cell.state is not State.LAND  # it lands already, where it was asked to
+        if cell.state is not State.LAND  # it lands already, as requested
     ]
     assert len(wanted) > 100
     assert where(cell for cell in wanted if not legs(cell) and cell.waiting is None) == []
 
 
-def test_home_land_and_the_reserve_act_or_say_why_not(cells):
+def test_home_land_and_the_reserve_act_or_have_a_reason(cells):
     """They act, are refused in a sentence, or the pilot is warned."""
     wanted = [
         cell
@@ -99,8 +99,10 @@ def test_home_land_and_the_reserve_act_or_say_why_not(cells):
         if cell.ours and not (cell.answer is not None and not cell.answer.accepted)
         if cell.then not in {State.HOME, State.LAND, State.DONE}
     ]
-    unsaid = [cell for cell in wanted if all(grave is Severity.INFO for grave, _ in cell.said)]
-    assert where(unsaid) == []
+    unannounced = [
+        cell for cell in wanted if all(grave is Severity.INFO for grave, _ in cell.announced)
+    ]
+    assert where(unannounced) == []
 
 
 @pytest.mark.parametrize("interlock", RAISES)
@@ -111,7 +113,7 @@ def test_while_a_vehicle_is_kept_back_the_pilot_is_warned(begun, interlock):
         found = matrix.cell(copied(flight), state, interlock, "nothing", after_s=LONG_S)
         kept_back = found.stood and found.ours_at_end and found.waiting is not None
         rests = state in {State.HOLD, State.LAND}
-        if kept_back and not rests and all(grave is Severity.INFO for grave, _ in found.said):
+        if kept_back and not rests and all(grave is Severity.INFO for grave, _ in found.announced):
             silent.append(state.name)
     assert silent == []
 

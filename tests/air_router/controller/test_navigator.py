@@ -159,19 +159,19 @@ def test_what_may_come_late_is_held_for_where_it_would_not_show(airborne):
     """As it was rehearsed: the jump that shows is not the one that was made last."""
     flight = airborne()
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
-    told = flight.motions[-1]
-    assert isinstance(told, FlyToNode)
+    jump = flight.motions[-1]
+    assert isinstance(jump, FlyToNode)
     flight.deaf = True
     flight.give(GoTo((Point(60.0, -40.0),)))  # it was given up, and may come any moment
     flight.deaf = False
-    flight.shown = {"item": flight.plan.item_of(told.node)}
+    flight.shown = {"item": flight.plan.item_of(jump.node)}
     flight.step()
     setpoints = len(flight.motions)
     flight.give(ExploreNow())
     assert isinstance(flight.motions[setpoints], HoldHere)
     flight.shown = {}
     flight.fly_until(lambda: isinstance(flight.motions[-1], FlyToNode), 10.0)
-    assert flight.motions[-1].node == told.node
+    assert flight.motions[-1].node == jump.node
 
 
 def test_below_the_cruise_altitudes_it_is_reckoned_with_that_it_swings_beyond_its_leg(bend):

@@ -43,31 +43,31 @@ def enclosed(pretend, **changes):
     raise AssertionError(drawn)
 
 
-def told_no_way_home(flight):
-    return [text for text in flight.said if text.startswith("no way home")]
+def announced_no_way_home(flight):
+    return [text for text in flight.announced if text.startswith("no way home")]
 
 
-def test_without_a_way_home_by_several_reloads_it_says_so_at_once_and_now_and_then(pretend):
+def test_without_a_way_home_by_several_reloads_that_is_announced_at_once_and_now_and_then(pretend):
     flight, drawn = enclosed(pretend)
-    (told,) = told_no_way_home(flight)
-    assert f"'{drawn[-1].name}'" in told
-    assert Announce(told, Severity.WARNING, FLY_OUT_OR_RELOAD) in flight.announced
-    flight.fly_until(lambda: len(told_no_way_home(flight)) == 3, 70.0)
+    (text,) = announced_no_way_home(flight)
+    assert f"'{drawn[-1].name}'" in text
+    assert Announce(text, Severity.WARNING, FLY_OUT_OR_RELOAD) in flight.announcements
+    flight.fly_until(lambda: len(announced_no_way_home(flight)) == 3, 70.0)
     assert flight.controller.state is State.HOLD
 
 
-def test_without_a_way_home_at_its_reserve_it_hovers_and_says_what_will_happen(pretend):
+def test_without_a_way_home_at_its_reserve_it_hovers_and_announces_what_will_happen(pretend):
     flight, _ = enclosed(pretend)
     commanded = len(flight.motions)
     flight.battery = flight.mission.battery_reserve
     flight.step()
     assert flight.controller.state is State.HOME
     flight.step()
-    assert "it should come home and cannot" in told_no_way_home(flight)[-1]
-    assert "PX4's battery failsafe" in told_no_way_home(flight)[-1]
+    assert "it should come home and cannot" in announced_no_way_home(flight)[-1]
+    assert "PX4's battery failsafe" in announced_no_way_home(flight)[-1]
     flight.fly_for(60.0)
     assert moves(flight, commanded) == []
-    assert len(told_no_way_home(flight)) == 3  # every half minute, and once for its reserve
+    assert len(announced_no_way_home(flight)) == 3  # every half minute, and once for its reserve
     flight.failsafe = True  # the autopilot acts: it is left to it
     flight.step()
     assert flight.controller.state is State.PASSIVE
@@ -80,7 +80,7 @@ def test_without_a_way_home_it_comes_home_once_a_zone_is_taken_away(pretend):
     change(flight, *rest)
     since = len(flight.track)
     flight.step()
-    assert flight.said.count("a clear way leads home again") == 1
+    assert flight.announced.count("a clear way leads home again") == 1
     assert not flight.controller.states.reachability.no_way_home
     flight.fly_until(lambda: boarding(flight) == before + 1, 10.0)
     flight.give(PlanRenewed())
@@ -93,17 +93,17 @@ def test_without_a_way_home_it_goes_on_with_what_it_can_do_inside(pretend):
     flight.give(GoOn())
     since = len(flight.track)
     flight.fly_for(120.0)
-    assert told_no_way_home(flight)
+    assert announced_no_way_home(flight)
     assert min(clear_of(flight, zone, since) for zone in drawn) >= 5.0
 
 
-def test_a_way_that_is_not_there_is_said_once(airborne):
+def test_a_way_that_is_not_there_is_announced_once(airborne):
     flight = airborne(duration_s=600.0)
-    flight.operator_asks(SeekNow("io", by="operator"))
+    flight.operator_requests(SeekNow("io", by="operator"))
     flight.fly_until(lambda: flight.now_s > 110.0)
     outer, inner = (box(flight.position, half_m).shape.ring for half_m in (60.0, 30.0))
     change(flight, Zone("ring", Outline(outer, (inner,))))
     flight.fly_until(lambda: boarding(flight) == 1, 20.0)
-    before = len(flight.said)
+    before = len(flight.announced)
     flight.give(PlanRenewed())
-    assert sum("no way to io" in text for text in flight.said[before:]) == 1
+    assert sum("no way to io" in text for text in flight.announced[before:]) == 1

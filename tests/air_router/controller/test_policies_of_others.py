@@ -127,9 +127,9 @@ def test_a_mission_file_with_an_unknown_policy_names_those_that_are(tmp_path, ca
         text.replace("\nseek:", "\nseek: freshst\n#", 1), encoding="utf-8"
     )
     assert main(["check", str(tmp_path / "mission.yaml")]) == ExitCode.INVALID_FILE
-    said = capsys.readouterr().err
-    assert "freshest" in said
-    assert "[unknown-word]" in said
+    printed = capsys.readouterr().err
+    assert "freshest" in printed
+    assert "[unknown-word]" in printed
 
 
 STRANGER = '''
@@ -165,12 +165,12 @@ def test_a_package_with_an_entry_point_is_found_by_its_name(tmp_path):
         (tmp_path / name).write_bytes((MISSION.parent / name).read_bytes())
     mission.write_text(text, encoding="utf-8")
 
-    def run(*words):
+    def run(*arguments):
         program = textwrap.dedent(f"""
             import sys
             sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]
             from air_router.cli.cli import main
-            sys.exit(main({list(words)!r}))
+            sys.exit(main({list(arguments)!r}))
         """)
         return subprocess.run(
             [sys.executable, "-c", program],
@@ -186,14 +186,14 @@ def test_a_package_with_an_entry_point_is_found_by_its_name(tmp_path):
     program = (
         "from air_router.seek_policies import policy_of; print(type(policy_of('tour')).__module__)"
     )
-    said = subprocess.run(
+    printed = subprocess.run(
         [sys.executable, "-c", program],
         capture_output=True,
         text=True,
         check=True,
         env={**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
     )
-    assert said.stdout == "air_router.controller.targets.tour\n"
+    assert printed.stdout == "air_router.controller.targets.tour\n"
     mission.write_text(text.replace("seek: nearest", "seek: broken"), encoding="utf-8")
     bad = run("check", str(mission))
     assert bad.returncode == ExitCode.INVALID_FILE

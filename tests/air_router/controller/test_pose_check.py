@@ -26,7 +26,7 @@ BELIEVED, JUMPED, BACK = PoseVerdict.BELIEVED, PoseVerdict.JUMPED, PoseVerdict.B
 
 
 def poses(flight, robot, places, every_s=0.2, ahead_s=0.0):
-    """Have a robot say to be at each of these places, one after the other; the motions since."""
+    """Have a robot report each of these places, one after the other; the motions since."""
     before = len(flight.motions)
     for place in places:
         flight.fly_for(every_s)
@@ -39,7 +39,7 @@ def warnings(flight):
 
 
 @pytest.mark.parametrize("speed_m_s", [0.0, 1.0, FASTEST_M_S])
-def test_what_a_robot_can_drive_is_believed_however_long_it_was_not_heard(speed_m_s):
+def test_what_a_robot_can_drive_is_believed_however_long_it_was_not_received(speed_m_s):
     check = PoseCheck()
     for second in (0.0, 0.2, 0.4, 1.0, 30.0, 3000.0):
         place = Point(speed_m_s * second, NOISE_M if second else 0.0)
@@ -85,7 +85,7 @@ def test_a_clock_that_runs_ahead_does_not_shorten_how_long_a_jump_has_to_last():
     assert found == [JUMPED] * 11
 
 
-def test_a_pose_that_jumps_moves_nothing_and_is_said_once_with_what_to_do(pretend):
+def test_a_pose_that_jumps_moves_nothing_and_is_announced_once_with_an_instruction(pretend):
     flight = in_comm(pretend)
     robot, here = flight.controller.context.task.robot, flight.position
     sides = itertools.islice(itertools.cycle((30.0, -30.0)), 40)
@@ -98,7 +98,7 @@ def test_a_pose_that_jumps_moves_nothing_and_is_said_once_with_what_to_do(preten
 
 
 @pytest.mark.parametrize("ahead_s", [0.0, 3600.0])
-def test_peers_move_the_vehicle_once_in_a_while_whatever_their_stamps_say(pretend, ahead_s):
+def test_peers_move_the_vehicle_once_in_a_while_whatever_their_stamps(pretend, ahead_s):
     flight = in_comm(pretend)
     robot, here, began_s = flight.controller.context.task.robot, flight.position, flight.now_s
     before = len(flight.motions)

@@ -106,13 +106,13 @@ def test_an_old_target_that_still_shows_for_a_moment_is_no_order(watched):
     assert watched(goto, (3.0, 4.0), target=THERE) is None
 
 
-def test_a_target_that_is_told_no_more_is_no_order(watched):
+def test_a_target_that_is_not_reported_any_more_is_no_order(watched):
     stale = {"target": THERE, "ages": Ages(target_s=ORDER_STALE_S)}
     assert watched(FlyToPoint(HERE, 40.0), (1.0, 9.0, 99.0), **stale) is None
     assert not watched.suspected
 
 
-def test_a_vehicle_that_does_not_tell_its_target_is_believed(watched):
+def test_a_vehicle_that_does_not_report_its_target_is_believed(watched):
     assert watched(FlyToPoint(HERE, 40.0), (1.0, 99.0), target=None) is None
 
 
@@ -135,10 +135,10 @@ def test_where_it_stopped_is_ours_and_another_place_is_not(watched):
 @pytest.mark.parametrize(
     ("position", "velocity_m_s"), [(Point(4.0, 0.0), (0.0, 0.0)), (Point(9.0, 0.0), (5.0, 0.0))]
 )
-def test_the_target_of_before_a_hold_that_is_told_late_is_not_where_it_stopped(
+def test_a_target_of_before_a_hold_that_is_received_late_is_not_where_it_stopped(
     watched, position, velocity_m_s
 ):
-    """A stop ten metres before the point that it flew to, then its target is heard, at last."""
+    """A stop ten metres before the point that it flew to, then its target is received, late."""
     hold = HoldHere("why")
     late = {"target": THERE, "position": position, "velocity_m_s": velocity_m_s}
     assert watched(hold, (1.0, 4.0, 5.0), **late) is None
@@ -210,7 +210,7 @@ def test_it_is_over_when_down_and_disarmed_after_having_been_armed(flight_phase)
     flight_phase.note(seen(armed=True, in_air=True))
     assert not flight_phase.over(seen(armed=True))
     assert flight_phase.over(seen())
-    # Disarmed is on the ground, whatever another stream says.
+    # Disarmed is on the ground, whatever another stream reports.
     assert flight_phase.over(seen(in_air=True))
 
 

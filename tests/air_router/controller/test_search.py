@@ -40,7 +40,7 @@ def test_a_robot_in_the_open_is_sought_where_it_is(tmp_path):
     assert point.reason == "its last position"
 
 
-def test_a_robot_in_a_zone_is_sought_from_the_nearest_clear_place_and_that_is_said(tmp_path):
+def test_a_robot_in_a_zone_is_sought_from_the_nearest_clear_place_with_that_as_reason(tmp_path):
     mission, search = searching(tmp_path, [{"name": "hall", "polygon": box(-20, -20, 20, 20)}])
     point = point_for(search, Point(15, 0))
     assert mission.planning_airspace.point_clear(point.goal.position)

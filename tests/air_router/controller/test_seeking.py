@@ -51,7 +51,7 @@ def order(policy, targets, *args, **how):
     return [place.robot for place in policy_of(policy).order(targets, context(*args, **how))]
 
 
-def last_telemetry(targets, robot, place, now_s, *path, given=True):
+def received(targets, robot, place, now_s, *path, given=True):
     """Met at a place; its clock is far from ours."""
     stamp_s = 1e9 + now_s
     targets.tracks[robot].pose_received(place, stamp_s, now_s)
@@ -121,7 +121,7 @@ def test_a_meeting_is_as_soon_as_can_be(course, here):
         assert spare_s(along_m - MEETING_M) <= 1e-6  # and nowhere before
 
 
-def test_a_course_says_where_the_robot_is_and_when_it_ends():
+def test_a_course_has_the_places_of_the_robot_and_its_end():
     course = PredictedPath((Point(0, 0), Point(10, 0), Point(10, 0), Point(10, 20)), 100.0, 2.0)
     assert course.length_m == 30
     assert course.end_s == 115
@@ -141,13 +141,13 @@ def test_clocks_of_robots_need_not_agree_with_ours():
         assert robot.updated_s == 400.0
 
 
-def test_a_radio_that_is_heard_says_where_a_robot_is_once_its_path_is_over():
+def test_a_radio_that_is_received_shows_where_a_robot_is_once_its_path_is_over():
     robot = TargetTrack("io")
     robot.radio = Sighting(Point(7, 7), 50.0)
     assert (robot.course().points, robot.course().end_s, robot.newest_s) == (((7, 7),), 50.0, None)
     robot.path_received((Point(0, 0), Point(100, 0)), 1e9 + 100.0, 100.0)
     robot.pose_received(Point(0, 0), 1e9 + 100.0, 100.0)
-    robot.radio = Sighting(Point(40, 10), 150.0)  # as it said
+    robot.radio = Sighting(Point(40, 10), 150.0)  # as it reported
     assert robot.course().points[-1] == (100, 0)
     robot.radio = Sighting(Point(90, 80), 300.0)  # it was not known
     assert robot.course().points == ((90, 80),)
@@ -169,9 +169,9 @@ def test_the_speed_is_that_of_driving_whatever_the_noise_and_the_stops():
 def test_a_robot_whose_speed_is_not_known_drives_as_the_others_do():
     targets = TargetList(("slow", "new"))
     for robot in targets.names:
-        last_telemetry(targets, robot, Point(0, 0), 0.0, Point(0, 0), Point(100, 0))
+        received(targets, robot, Point(0, 0), 0.0, Point(0, 0), Point(100, 0))
     assert targets.course("new").speed_m_s == USUAL_SPEED_M_S
-    last_telemetry(targets, "slow", Point(3, 0), 10.0)
+    received(targets, "slow", Point(3, 0), 10.0)
     assert targets.course("slow").speed_m_s == pytest.approx(0.3)
     assert targets.course("new").speed_m_s == pytest.approx(0.3)
 
@@ -191,20 +191,20 @@ def test_a_course_follows_the_path_from_where_the_robot_is_on_it():
 
 def test_the_freshest_policy_seeks_who_has_waited_longest_both_ways():
     targets = TargetList(("a", "b", "c"))
-    last_telemetry(targets, "a", Point(50, 0), 200.0)
-    last_telemetry(targets, "b", Point(-50, 0), 100.0)
-    last_telemetry(targets, "c", Point(0, 50), 150.0)
+    received(targets, "a", Point(50, 0), 200.0)
+    received(targets, "b", Point(-50, 0), 100.0)
+    received(targets, "c", Point(0, 50), 150.0)
     assert order("round_robin", targets, 300.0) == ["a", "b", "c"]
     assert order("freshest", targets, 300.0) == ["b", "c", "a"]
-    last_telemetry(targets, "b", Point(-50, 0), 290.0, given=False)  # it has not our news
-    last_telemetry(targets, "c", Point(0, 50), 290.0)
+    received(targets, "b", Point(-50, 0), 290.0, given=False)  # it has not received our messages
+    received(targets, "c", Point(0, 50), 290.0)
     assert order("freshest", targets, 300.0) == ["b", "a", "c"]
 
 
 def test_a_near_robot_is_sought_before_a_far_one_that_is_hardly_older():
     targets = TargetList(("far", "near"))
-    last_telemetry(targets, "far", Point(400, 0), 100.0)
-    last_telemetry(targets, "near", Point(10, 0), 105.0)
+    received(targets, "far", Point(400, 0), 100.0)
+    received(targets, "near", Point(10, 0), 105.0)
     assert order("freshest", targets, 300.0) == ["near", "far"]
     (best, _) = policy_of("freshest").order(targets, context(300.0))
     assert best.reason == "data, 195 s; 2 s away; its last position"
@@ -212,8 +212,8 @@ def test_a_near_robot_is_sought_before_a_far_one_that_is_hardly_older():
 
 def test_who_was_sought_in_vain_is_not_sought_at_once_again():
     targets = TargetList(("a", "b"))
-    last_telemetry(targets, "a", Point(50, 0), 100.0)
-    last_telemetry(targets, "b", Point(50, 0), 150.0)
+    received(targets, "a", Point(50, 0), 100.0)
+    received(targets, "b", Point(50, 0), 150.0)
     assert order("freshest", targets, 300.0)[0] == "a"
     targets.tracks["a"].tries += 1
     assert order("freshest", targets, 400.0) == ["b", "a"]
@@ -223,17 +223,17 @@ def test_who_was_sought_in_vain_is_not_sought_at_once_again():
 
 def test_lost_ones_and_those_that_others_seek_come_last_and_those_without_a_way():
     targets = TargetList(("lost", "taken", "walled", "open"))
-    last_telemetry(targets, "lost", Point(5, 5), 1.0)
+    received(targets, "lost", Point(5, 5), 1.0)
     late_s = LOST_AFTER_S + 50.0
     for robot in ("taken", "walled", "open"):
-        last_telemetry(targets, robot, Point(100, 10) if robot == "walled" else Point(9, 9), 1000.0)
+        received(targets, robot, Point(100, 10) if robot == "walled" else Point(9, 9), 1000.0)
     targets.sought_by_other("other", "taken", late_s)
     for policy in ("freshest", "rendezvous"):
         ranked = order(policy, targets, late_s, walled=[Point(100, 10)])
         assert ranked == ["open", "walled", "lost", "taken"]
 
 
-def test_robots_never_heard_of_are_looked_for_in_turns():
+def test_robots_never_received_are_sought_in_turns():
     targets = TargetList(("a", "b"))
     policy = policy_of("rendezvous")
     seen = []
@@ -245,9 +245,9 @@ def test_robots_never_heard_of_are_looked_for_in_turns():
     assert seen == ["a", "b", "a", "b"]
 
 
-def test_a_rendezvous_is_ahead_of_the_robot_and_says_so():
+def test_a_rendezvous_is_ahead_of_the_robot_with_that_as_reason():
     targets = TargetList(("io",))
-    last_telemetry(targets, "io", Point(100, 0), 100.0, Point(100, 0), Point(100, 300))
+    received(targets, "io", Point(100, 0), 100.0, Point(100, 0), Point(100, 300))
     (place,) = policy_of("rendezvous").order(targets, context(120.0))
     assert place.position[0] == 100
     assert 20 < place.position[1] < 60
@@ -268,7 +268,7 @@ def test_a_moving_robot_is_met_on_its_way_in_flight(airborne):
         share = min(max(flight.now_s - 270.0, 0.0) * 1.2 / way_m, 1.0)
         return Point(*(a + share * (b - a) for a, b in zip(south, north, strict=True)))
 
-    for second in range(4):  # heard for a moment as it sets out
+    for second in range(4):  # received for a moment as it sets out
         flight.fly_until(lambda moment=270.0 + 2 * second: flight.now_s >= moment)
         flight.give(RobotPose("io", place(), flight.now_s, "io"))
         if not second:
@@ -283,10 +283,10 @@ def test_a_moving_robot_is_met_on_its_way_in_flight(airborne):
 
     flight.fly_until(drive, 300.0)
     assert flight.controller.state is State.COMM
-    assert any("SEARCH io: oldest data" in text for text in flight.said)
+    assert any("SEARCH io: oldest data" in text for text in flight.announced)
 
 
-def test_where_a_radio_is_heard_is_noted_in_flight(airborne):
+def test_where_a_radio_is_received_is_noted_in_flight(airborne):
     flight = airborne(seek=("io",), seek_policy="freshest")
     flight.fly_until(lambda: flight.now_s > 200.0)
     flight.give(ContactBegan("io", 0.0, None))

@@ -30,11 +30,11 @@ from tests.air_router.controller.drawing import (
 )
 
 
-def alarms(flight, words="has not moved for"):
+def alarms(flight, part="has not moved for"):
     return [
         a
         for a in flight.actions
-        if isinstance(a, Announce) and a.severity is Severity.ALARM and words in a.text
+        if isinstance(a, Announce) and a.severity is Severity.ALARM and part in a.text
     ]
 
 
@@ -56,10 +56,10 @@ def stuck(pretend, **changes):
 def test_a_zone_at_any_height_is_left_at_any_height(pretend, moment, kind):
     flight = climbing(pretend) if moment == "climb" else cruising(pretend)
     if moment == "hold":
-        flight.operator_asks(HoldNow())
+        flight.operator_requests(HoldNow())
         flight.fly_for(6.0)
     if moment == "home":
-        flight.operator_asks(ComeHome())
+        flight.operator_requests(ComeHome())
         flight.fly_for(2.0)
     here_m = flight.altitude_m
     band = {
@@ -74,7 +74,7 @@ def test_a_zone_at_any_height_is_left_at_any_height(pretend, moment, kind):
     now = flight.mission.with_areas(flight.mission.fences, (*flight.mission.zones, zone))
     assert now.airspace_at(flight.altitude_m).zones_at(flight.position) == ()
     if moment == "hold":
-        flight.operator_asks(ComeHome())
+        flight.operator_requests(ComeHome())
     flight.lands(600.0)
     assert alarms(flight) == []
 
@@ -112,13 +112,13 @@ def test_a_vehicle_that_is_wanted_elsewhere_and_does_not_move_is_an_alarm_again_
     assert "its mission should continue" in found[0].text
 
 
-def test_on_the_way_home_it_is_to_be_landed_and_home_says_why_it_does_not_come(pretend):
+def test_on_the_way_home_it_is_to_be_landed_and_home_is_answered_with_why_it_does_not_come(pretend):
     flight = stuck(pretend)
-    assert flight.operator_asks(ComeHome()).why == "it comes home"
+    assert flight.operator_requests(ComeHome()).why == "it comes home"
     flight.fly_for(STANDS_S + 3.0)
     assert alarms(flight)[0].instruction == LAND_BY_HAND
     assert "it should come home" in alarms(flight)[0].text
-    answer = flight.operator_asks(ComeHome())
+    answer = flight.operator_requests(ComeHome())
     assert answer.accepted
     assert "it comes home already, and does not move: " in answer.why
     assert LAND_BY_HAND in answer.why
@@ -133,37 +133,37 @@ def test_the_reserve_of_the_battery_is_an_alarm_of_its_own_where_nothing_moves(p
     assert alarms(flight)[0].instruction == LAND_BY_HAND
 
 
-def test_it_says_that_it_moves_again(pretend):
+def test_it_is_announced_that_it_moves_again(pretend):
     flight = stuck(pretend)
     flight.fly_for(STANDS_S + 3.0)
     del flight.move
     flight.fly_for(20.0)
-    assert "it moves again" in flight.said
+    assert "it moves again" in flight.announced
     count = len(alarms(flight))
     flight.fly_for(2 * REPEATED_S)
     assert len(alarms(flight)) == count
 
 
-def test_in_a_zone_that_no_way_leads_out_of_the_pilot_is_told_within_seconds(pretend):
+def test_in_a_zone_that_no_way_leads_out_of_an_alarm_is_announced_within_seconds(pretend):
     flight = cruising(pretend, duration_s=None)
     here = flight.position
     change(flight, box(here, 300.0, "everywhere"))
     flight.fly_for(STANDS_IN_ZONE_S + 10.0)
-    told = alarms(flight, "no way out") + alarms(flight)
-    assert told != []
-    assert told[0].instruction == FLY_OUT
-    assert {each.instruction for each in told[1:]} == {TAKE_OVER_NOW}
-    assert flight.operator_asks(ComeHome()).accepted
+    shown = alarms(flight, "no way out") + alarms(flight)
+    assert shown != []
+    assert shown[0].instruction == FLY_OUT
+    assert {each.instruction for each in shown[1:]} == {TAKE_OVER_NOW}
+    assert flight.operator_requests(ComeHome()).accepted
     flight.fly_for(STANDS_IN_ZONE_S + 5.0)
-    assert "does not move" in flight.operator_asks(ComeHome()).why
-    assert "not left" not in flight.operator_asks(LandNow()).why
+    assert "does not move" in flight.operator_requests(ComeHome()).why
+    assert "not left" not in flight.operator_requests(LandNow()).why
 
 
 @pytest.mark.parametrize("rests", [HoldNow(), None])
 def test_where_it_hovers_because_it_is_to_hover_it_is_no_alarm(pretend, rests):
     flight = cruising(pretend, duration_s=None)
     if rests is not None:
-        flight.operator_asks(rests)
+        flight.operator_requests(rests)
     else:
         flight.robots = {}
         flight.fly_to_state(State.SEARCH)
@@ -199,7 +199,7 @@ def test_the_tables_go_from_the_gravest_on_and_each_cause_is_named(pretend):
     assert cause_of(context) == UNKNOWN
     context.airspace.change = ZoneChange.UPLOADING
     assert cause_of(context) == ZoneChange.UPLOADING.value
-    context.interlocks.put(Anomaly.ALTITUDE_JUMP, raised=True)  # what counts sooner is said
+    context.interlocks.put(Anomaly.ALTITUDE_JUMP, raised=True)  # it counts before the change
     assert cause_of(context) == "the altitude has jumped"
     assert len(CAUSES) > 5
 

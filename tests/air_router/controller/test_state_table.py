@@ -54,19 +54,19 @@ def signalled(flight, signal):
 
 
 @pytest.mark.parametrize("state", State)
-def test_the_controller_enters_what_the_table_says_and_nothing_else(pretend, state):
+def test_the_controller_enters_the_state_of_the_table_and_no_other(pretend, state):
     for signal in Signal:
-        enters_what_the_table_says(in_state(pretend, state), state, signal)
+        enters_the_state_of_the_table(in_state(pretend, state), state, signal)
 
 
-def enters_what_the_table_says(flight, state, signal):
+def enters_the_state_of_the_table(flight, state, signal):
     controller, context = flight.controller, flight.controller.context
-    told = (context.task.robot, context.left_s)
+    before = (context.task.robot, context.left_s)
     entered = [a for a in signalled(flight, signal) if isinstance(a, StateChanged)]
     if signal not in STATES[state].on:
         assert entered == [], signal
         assert controller.state is state
-        assert (context.task.robot, context.left_s) == told
+        assert (context.task.robot, context.left_s) == before
         return
     target = STATES[state].on[signal]
     assert (entered[0].source, entered[0].signal, entered[0].target) == (state, signal, target)
@@ -101,8 +101,8 @@ def test_in_the_air_the_pilot_can_always_take_over_and_the_mission_always_be_end
             assert bound_home or spec.on[Signal.COME_HOME] is State.HOME, state
 
 
-def test_a_vehicle_that_only_searches_never_explores_unless_it_is_asked_to():
-    left_out = {Signal.NO_TARGET, Signal.EXPLORE}  # it has nothing to explore, and says so
+def test_a_vehicle_that_only_searches_never_explores_unless_it_is_requested():
+    left_out = {Signal.NO_TARGET, Signal.EXPLORE}  # it has nothing to explore, and announces that
     reached = {State.READY}
     while (
         fresh := {
@@ -119,14 +119,14 @@ def test_a_vehicle_that_only_searches_never_explores_unless_it_is_asked_to():
 
 # The diagrams of docs/state-machine.md.
 
-ASKED_OR_ENDED = {
+REQUESTED_OR_ENDED = {
     *(Signal.COME_HOME, Signal.TAKEN_OVER, Signal.GROUNDED),
     *(Signal.HOLD, Signal.SEEK, Signal.EXPLORE, Signal.GOTO),
 }
 FROM_THE_AIR = {
     (s, signal): t
     for (s, signal), t in TRANSITIONS.items()
-    if signal in ASKED_OR_ENDED and STATES[s].cruises
+    if signal in REQUESTED_OR_ENDED and STATES[s].cruises
 }
 """Transitions that nearly all states in the air have: drawn once."""
 

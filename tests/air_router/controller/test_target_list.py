@@ -39,7 +39,7 @@ def test_where_to_look(path, after_s, where):
     assert robots.place("io", now_s=5.0 + after_s).position == where
 
 
-def test_a_path_that_is_a_minute_older_than_the_pose_says_nothing_any_more():
+def test_a_path_that_is_a_minute_older_than_the_pose_does_not_count_any_more():
     for older_s, where in ((59.0, Point(9, 9)), (61.0, Point(1, 2))):
         robots = targets()
         robots.tracks["io"].pose_received(Point(1, 2), stamp_s=200.0, now_s=200.0)
@@ -47,7 +47,7 @@ def test_a_path_that_is_a_minute_older_than_the_pose_says_nothing_any_more():
         assert robots.place("io", now_s=500.0).position == where
 
 
-def test_what_another_uav_says_again_counts_as_news_when_it_had_lapsed():
+def test_what_another_uav_publishes_again_counts_as_new_when_it_had_lapsed():
     robots = targets()
     assert robots.sought_by_other("second", "io", 0.0)
     assert not robots.sought_by_other("second", "io", 179.0)
@@ -56,7 +56,7 @@ def test_what_another_uav_says_again_counts_as_news_when_it_had_lapsed():
     assert robots.sought_by_other("second", "io", 179.0 + 181.0)
 
 
-def test_old_news_changes_nothing():
+def test_an_old_message_changes_nothing():
     robots = targets()
     assert robots.tracks["io"].pose_received(Point(1, 2), stamp_s=100.0, now_s=5.0)
     assert not robots.tracks["io"].pose_received(Point(3, 4), stamp_s=100.0, now_s=6.0)
@@ -66,7 +66,7 @@ def test_old_news_changes_nothing():
     assert not robots.tracks["io"].path_received((Point(8, 8),), stamp_s=100.0, now_s=6.0)
 
 
-def test_lost_robots_are_tried_last_and_robots_never_heard_are_not_lost():
+def test_lost_robots_are_tried_last_and_robots_never_received_are_not_lost():
     robots = targets()
     robots.tracks["callisto"].pose_received(Point(0, 0), stamp_s=1.0, now_s=0.0)
     late_s = LOST_AFTER_S + 1.0
@@ -75,7 +75,7 @@ def test_lost_robots_are_tried_last_and_robots_never_heard_are_not_lost():
 
 
 def poses(robots, stamps_s, from_s):
-    """One a second, at other places; how many of them were news."""
+    """One a second, at other places; how many of them were new."""
     return sum(
         robots.tracks["io"].pose_received(Point(from_s + k, 0.0), stamp_s, from_s + k)
         for k, stamp_s in enumerate(stamps_s)

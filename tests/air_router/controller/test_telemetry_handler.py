@@ -24,6 +24,6 @@ def test_the_tables_in_the_docs_are_those_that_decide():
     assert_printed("state-machine.md", "steps", steps())
 
 
-def test_each_row_says_why_it_stands_where_it_stands():
+def test_each_row_has_the_reason_of_its_place():
     assert all(row.why for row in (*FINDINGS, *STEPS))
     assert len({row.name for row in (*FINDINGS, *STEPS)}) == len(FINDINGS) + len(STEPS)

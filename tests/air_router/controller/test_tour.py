@@ -36,7 +36,7 @@ def context(now_s=300.0, *, round_s=60.0, walled=()):
 
 
 def standing(**places):
-    """Robots met at their places at the start, and not heard since."""
+    """Robots met at their places at the start, and not received since."""
     targets = TargetList(tuple(places))
     for name, place in places.items():
         track = targets.tracks[name]
@@ -83,7 +83,7 @@ def test_a_search_in_vain_leaves_a_quarter_of_the_chance():
     assert first(targets, round_s=1.0).robot == "b"
 
 
-def test_of_robots_never_heard_one_is_sought_where_the_uav_passed_longest_ago():
+def test_of_robots_never_received_one_is_sought_where_the_uav_passed_longest_ago():
     place = first(TargetList(("a", "b")))
     assert (place.position, place.over) == (None, ())
 
@@ -110,8 +110,8 @@ def test_a_tour_is_planned_by_few_routes_however_many_robots_and_corners():
     for track in targets.tracks.values():
         track.path_received(tuple(Point(10 * n, n % 2 * 9) for n in range(50)), 1e9, 0.0)
     planned = []
-    asked = dataclasses.replace(context(), flight_s=lambda place: planned.append(place) or 1.0)
-    next(iter(TOUR.order(targets, asked)))
+    counted = dataclasses.replace(context(), flight_s=lambda place: planned.append(place) or 1.0)
+    next(iter(TOUR.order(targets, counted)))
     assert len(planned) <= MOST_STOPS
 
 
@@ -151,18 +151,18 @@ def test_it_flies_over_one_and_on_to_the_other_and_counts_each_as_tried_when_it_
     pretend,
 ):
     flight, _, tracks, over, sought = tour_flight(pretend)
-    assert f"SEARCH {sought}: over {over}; " in "\n".join(flight.said)
+    assert f"SEARCH {sought}: over {over}; " in "\n".join(flight.announced)
     assert (tracks[sought].tries, tracks[over].tries) == (0, 1)
     first_goal = flight.controller.context.task.way.goal.position
     assert math.dist(first_goal, tracks[over].pose.position) < 10.0
-    flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
+    flight.fly_until(lambda: f"at the search position of {sought}" in flight.announced)
     assert math.dist(flight.position, tracks[sought].pose.position) < 10.0
     assert (tracks[sought].tries, tracks[over].tries) == (1, 1)
 
 
 def test_a_robot_is_tried_once_more_by_a_search_that_begins_over_it(pretend):
     flight, search, tracks, over, sought = tour_flight(pretend)
-    flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
+    flight.fly_until(lambda: f"at the search position of {sought}" in flight.announced)
     search.begin()  # anew, over the robot where it waits
     assert flight.controller.context.task.robot == over
     assert tracks[sought].tries == 2
@@ -175,7 +175,7 @@ def test_a_search_that_is_planned_anew_tries_no_robot_once_more(pretend):
     assert (tracks[sought].tries, tracks[over].tries) == (1, 1)
 
 
-def test_news_of_the_sought_robot_wait_until_the_others_are_passed(pretend):
+def test_a_new_pose_of_the_sought_robot_waits_until_the_others_are_passed(pretend):
     flight, search, tracks, _, sought = tour_flight(pretend)
     goal = flight.controller.context.task.way.goal
     tracks[sought].pose_received(Point(-60.0, 0.0), 2e9, flight.now_s)
@@ -186,7 +186,7 @@ def test_news_of_the_sought_robot_wait_until_the_others_are_passed(pretend):
 def test_where_a_robot_is_sought_is_worked_out_when_its_turn_comes(pretend):
     flight, _, tracks, _, sought = tour_flight(pretend)
     tracks[sought].pose_received(Point(60.0, 10.0), 2e9, flight.now_s)
-    flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
+    flight.fly_until(lambda: f"at the search position of {sought}" in flight.announced)
     assert math.dist(flight.position, (60.0, 10.0)) < 10.0
 
 
@@ -195,7 +195,7 @@ def test_where_no_way_leads_over_a_robot_it_goes_on_to_the_next(pretend):
     goal = flight.controller.context.task.way.goal
     search.no_route("made up")
     assert flight.controller.context.task.way.goal != goal
-    assert "made up" not in "\n".join(flight.said)
+    assert "made up" not in "\n".join(flight.announced)
 
 
 def test_it_goes_on_once_a_robot_on_the_way_has_all_and_has_given_all(pretend):
@@ -218,7 +218,7 @@ def test_a_robot_that_was_met_before_its_turn_is_not_flown_over(pretend):
     tracks["met"] = dataclasses.replace(
         tracks[over], tries=0, taken_s=flight.now_s, given_s=flight.now_s
     )
-    flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
+    flight.fly_until(lambda: f"at the search position of {sought}" in flight.announced)
     assert tracks["met"].tries == 0
 
 
@@ -227,19 +227,19 @@ def test_places_where_it_is_already_are_gone_through_at_once_however_many(preten
     here = Goal(flight.controller.context.last_telemetry.position)
     search._places.extend([here] * 2000)
     search.arrived()
-    flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
+    flight.fly_until(lambda: f"at the search position of {sought}" in flight.announced)
 
 
 def test_planned_anew_to_pass_other_places_first_it_has_its_time_once_it_is_back(
     pretend, monkeypatch
 ):
     flight, search, _, _, sought = tour_flight(pretend)
-    flight.fly_until(lambda: f"at the search position of {sought}" in flight.said)
+    flight.fly_until(lambda: f"at the search position of {sought}" in flight.announced)
     here = flight.controller.context.task.way.goal
     places = SearchPoint(sought, here, "", along=(here.position, Point(40.0, 20.0)))
     monkeypatch.setattr(Search, "search_point", lambda *_: places)
     search.replan()
     assert flight.controller.context.task.ends_s is None
     flight.fly_until(lambda: flight.controller.context.task.ends_s is not None)
-    assert flight.said[-1] == f"at the search position of {sought}"
+    assert flight.announced[-1] == f"at the search position of {sought}"
     assert math.dist(flight.position, here.position) < 4.0

@@ -1,6 +1,6 @@
-"""From every state in the air, however it came about, one sentence says what to do; and it works.
+"""Every state in the air has a way back: one sentence states it, and following it works.
 
-Each test does what the answers to `resume` or `home` say, to the letter, until the vehicle is ours
+Each test follows the answers to `resume` or `home` to the letter, until the vehicle is ours
 again: never more than a few steps, never the same sentence twice.
 """
 
@@ -27,7 +27,7 @@ STATES = (
 
 def sticks(flight):
     flight.pilot_chooses(FlightMode.POSITION)
-    assert flight.said[-1] == "hands off: the pilot chose Position mode"
+    assert flight.announced[-1] == "hands off: the pilot chose Position mode"
 
 
 def pilot_returns(flight):
@@ -100,14 +100,14 @@ def fly_to(pretend, state):
         return flight
     flight.take_off()
     flight.fly_away()
-    asked = {
+    requests = {
         State.GOTO: GOTO,
         State.HOLD: HoldNow(),
         State.HOME: ComeHome(),
         State.LAND: ComeHome(),
     }
-    if state in asked:
-        flight.operator_asks(asked[state])
+    if state in requests:
+        flight.operator_requests(requests[state])
     flight.fly_to_state(state)
     if state is State.LAND:
         flight.fly_for(10.0)
@@ -115,14 +115,14 @@ def fly_to(pretend, state):
 
 
 def obey(flight, request, most=4):
-    """Ask, and do what the answers say until it is accepted."""
-    last_telemetry = []
+    """Send the request, and follow the answers until it is accepted."""
+    answers = []
     for _ in range(most):
-        answer = flight.operator_asks(request)
+        answer = flight.operator_requests(request)
         if answer.accepted:
-            return last_telemetry
-        assert answer.why not in last_telemetry, last_telemetry
-        last_telemetry.append(answer.why)
+            return answers
+        assert answer.why not in answers, answers
+        answers.append(answer.why)
         if "wait for it" in answer.why:
             flight.fix = True
         if climb := re.search(r"climb to (\d+) m by hand", answer.why):
@@ -135,7 +135,7 @@ def obey(flight, request, most=4):
         if "resume upload" in answer.why and isinstance(request, GoOn):
             request = GoOn(upload=True)
         flight.step()
-    raise AssertionError(f"no way back from {flight.states}: {last_telemetry}")
+    raise AssertionError(f"no way back from {flight.states}: {answers}")
 
 
 def goes_on(flight, since):
@@ -161,10 +161,10 @@ def test_what_resume_answers_leads_back_to_the_mission(flight_in, cause):
         cause(flight)
         assert flight.controller.state is State.PASSIVE, state
         since = len(flight.actions)
-        last_telemetry = obey(flight, GoOn())
+        answers = obey(flight, GoOn())
         goes_on(flight, since)
         uploads = sum(isinstance(action, RenewPlan) for action in flight.actions)
-        assert uploads == any("resume upload" in why for why in last_telemetry), state
+        assert uploads == any("resume upload" in why for why in answers), state
 
 
 @pytest.mark.parametrize("cause", CAUSES)
@@ -179,12 +179,12 @@ def test_what_home_answers_leads_to_a_landing_at_home(flight_in, cause):
 
 
 @pytest.mark.parametrize("cause", CAUSES)
-def test_what_a_refused_request_says_is_what_resume_would_say(flight_in, cause):
+def test_a_refused_request_has_the_reason_that_resume_would_have(flight_in, cause):
     flight = flight_in(State.EXPL)
     cause(flight)
-    (why,) = {flight.operator_asks(request).why for request in (HoldNow(), GOTO)}
+    (why,) = {flight.operator_requests(request).why for request in (HoldNow(), GOTO)}
     way_back = why.split("; ", 1)[1]
-    answer = flight.operator_asks(GoOn())
+    answer = flight.operator_requests(GoOn())
     assert answer.accepted == way_back.startswith("'resume' takes it back")
     assert answer.accepted or answer.why == way_back
 
@@ -217,34 +217,34 @@ def given_back_low(flight, flies_s=0.0):
 def test_a_climb_that_does_not_go_on_is_given_back(flight_in):
     flight = flight_in(State.EXPL)
     given_back_low(flight)
-    flight.operator_asks(GoOn())
+    flight.operator_requests(GoOn())
     for _ in range(200):
         flight.altitude_m = 20.0
         flight.step()
     assert flight.controller.state is State.PASSIVE
-    assert any("the climb to the mission's altitude does not go on" in s for s in flight.said)
+    assert any("the climb to the mission's altitude does not go on" in s for s in flight.announced)
 
 
 def test_a_climb_that_a_pilot_ended_counts_for_nothing_in_the_next_one(flight_in):
     flight = flight_in(State.EXPL)
     for _ in range(2):
         given_back_low(flight, 40.0)
-        flight.operator_asks(GoOn())
+        flight.operator_requests(GoOn())
         flight.step()
-        assert flight.controller.state is State.EXPL, flight.said[-3:]
-    assert sum(text.startswith("climbing from 20 to 40 m") for text in flight.said) == 2
+        assert flight.controller.state is State.EXPL, flight.announced[-3:]
+    assert sum(text.startswith("climbing from 20 to 40 m") for text in flight.announced) == 2
 
 
 @pytest.mark.parametrize("lost", [False, True])
 @pytest.mark.parametrize("request_", [GOTO, SeekNow("io")], ids=["goto", "seek"])
-def test_what_is_asked_for_before_it_climbs_is_flown_once_it_is_up(flight_in, request_, lost):
+def test_what_is_requested_before_it_climbs_is_flown_once_it_is_up(flight_in, request_, lost):
     """At once after `resume`, while the climb is under way to the vehicle, or was lost."""
     flight = flight_in(State.EXPL)
     given_back_low(flight, 6.0)
     act, decided = flight.act, []
     flight.act, flight.deaf = act if lost else decided.append, lost
     for request in (GoOn(), request_):
-        flight.operator_asks(request)
+        flight.operator_requests(request)
     flight.act, flight.deaf = act, False
     for action in decided:
         act(action)

@@ -85,7 +85,7 @@ def test_it_publishes_whom_it_seeks_and_when_it_does_no_longer(pretend):
     flight.fly_to_state(State.EXPL)
     assert seeking(flight) == ["callisto", None]
     flight.fly_to_state(State.SEARCH)
-    flight.operator_asks(ComeHome())
+    flight.operator_requests(ComeHome())
     assert seeking(flight) == ["callisto", None, "europa", None]
 
 
@@ -227,7 +227,7 @@ def test_mission_mode_in_the_layer_of_another_uav_is_held(pretend, atlas, altitu
     flight.altitude_m = altitude_m
     flight.pilot_chooses(FlightMode.MISSION)
     assert (flight.controller.state is State.SEARCH) is leads
-    assert any("another UAV's layer" in text for text in flight.said) is not leads
+    assert any("another UAV's layer" in text for text in flight.announced) is not leads
     if not leads:
         assert flight.mode is FlightMode.HOLD
         flight.pilot_chooses(FlightMode.OTHER)
@@ -244,7 +244,7 @@ def test_a_flight_is_not_resumed_in_the_layer_of_another_uav(airborne, atlas):
     flight.pilot_chooses(FlightMode.HOLD)
     flight.give(GoOn())
     assert flight.controller.state is State.PASSIVE
-    assert any("descend to 48 m first" in text for text in flight.said)
+    assert any("descend to 48 m first" in text for text in flight.announced)
     flight.altitude_m = 50.0
     flight.step()
     flight.give(GoOn())

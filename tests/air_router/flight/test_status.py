@@ -115,7 +115,7 @@ def test_the_line_and_the_status_show_what_the_mission_waits_for(airborne):
     flight.fix = True
     flight.fly_for(5.0)
     assert "waiting" not in flight_line(flight.controller.status())
-    flight.operator_asks(HoldNow())  # no motion is wanted between one loss and the next
+    flight.operator_requests(HoldNow())  # no motion is wanted between one loss and the next
     flight.fly_for(10.0)
     for lost in (False, True, False):
         flight.fix = lost

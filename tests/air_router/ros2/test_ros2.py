@@ -380,7 +380,7 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(client, br
     assert goto.ended(three) == (5, "it flies to the point; it stops and hovers", "")
     assert goto.cancel(GoalInfo(three, Time(0, 0))).return_code == 3
     assert goto.go(four, NEAR)
-    flight.operator_asks(ExploreNow())
+    flight.operator_requests(ExploreNow())
     bridge.poll()
     assert goto.ended(four) == (
         6,

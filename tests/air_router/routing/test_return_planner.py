@@ -221,7 +221,7 @@ def test_the_vehicle_turns_when_the_charge_is_needed_for_the_way_home(airborne):
         return flight.finished is not None
 
     flight.fly_until(drain)
-    (why,) = [text for text in flight.said if text.startswith("coming home")]
+    (why,) = [text for text in flight.announced if text.startswith("coming home")]
     assert "the way home takes" in why
     assert flight.controller.returns.need_home is None  # it is home
     assert flight.controller.context.ending_why in why

@@ -1,4 +1,4 @@
-"""What a flight does when one input is missing while the vehicle says other things."""
+"""What a flight does when one input is missing while the vehicle sends the others."""
 
 import dataclasses
 
@@ -18,7 +18,7 @@ INPUTS = {limit.age: limit for limit in LIMITS}
 
 
 class Missing:
-    """Streams of a pretended vehicle that stop: its last word of them stays, and ages."""
+    """Streams of a pretended vehicle that stop: the last message of each stays, and ages."""
 
     def __init__(self, flight, *ages):
         self._flight = flight
@@ -49,18 +49,18 @@ class Missing:
         self._flight.telemetry = self._true
 
 
-def told(flight, *words):
-    return [text for text in flight.said if all(word in text for word in words)]
+def announced(flight, *parts):
+    return [text for text in flight.announced if all(part in text for part in parts)]
 
 
 @pytest.mark.parametrize("age", INPUTS)
-def test_what_is_missing_is_told_at_its_limit_and_not_before(away, age):
+def test_what_is_missing_is_announced_at_its_limit_and_not_before(away, age):
     flight, limit = away(), INPUTS[age]
     Missing(flight, age)
     flight.fly_for(limit.announce_s - 0.5)
-    assert not told(flight, "not received")
+    assert not announced(flight, "not received")
     flight.fly_for(1.0)
-    assert told(flight, limit.words, "not received", limit.then(limit.announce_s))
+    assert announced(flight, limit.words, "not received", limit.then(limit.announce_s))
 
 
 @pytest.mark.parametrize("age", [age for age, limit in INPUTS.items() if limit.home_s])
@@ -71,7 +71,7 @@ def test_the_mission_ends_for_what_is_missing_too_long(away, age):
     assert flight.controller.state is not State.HOME
     flight.fly_for(1.0)
     assert flight.controller.state is State.HOME
-    assert told(flight, "coming home", limit.words)
+    assert announced(flight, "coming home", limit.words)
     if not limit.home_without:
         assert isinstance(flight.motions[-1], HoldHere)
         missing.comes_again()
@@ -103,18 +103,18 @@ def test_without_positions_it_holds_and_goes_on_some_seconds_after_they_are_back
     assert len(flight.motions) == commanded
     flight.fly_for(1.5)
     assert len(flight.motions) > commanded
-    assert told(flight, "going on")
+    assert announced(flight, "going on")
 
 
 ALARMED = [age for age, limit in INPUTS.items() if limit.stop_s is not None]
 
 
 def alarms(flight):
-    return [a for a in flight.announced if a.severity is Severity.ALARM]
+    return [a for a in flight.announcements if a.severity is Severity.ALARM]
 
 
 @pytest.mark.parametrize("age", ALARMED)
-def test_a_pilot_who_does_not_take_over_is_asked_again_and_graver_at_a_bounded_pace(away, age):
+def test_a_pilot_who_does_not_take_over_is_alerted_again_and_graver_at_a_bounded_pace(away, age):
     flight, limit = away(duration_s=None), INPUTS[age]
     missing = Missing(flight, age)
     flight.fly_for(limit.stop_s + 1.0)
@@ -127,19 +127,19 @@ def test_a_pilot_who_does_not_take_over_is_asked_again_and_graver_at_a_bounded_p
         flight.fly_for(480.0)
         assert len(alarms(flight)) == pytest.approx(2 + 480.0 / REPEATED_S, abs=1)
         assert all(alarm.instruction == TAKE_OVER_NOW for alarm in alarms(flight)[1:])
-        # It holds, and comes home once it can: said once each.
-        assert len(told(flight, "holding")) <= 1
+        # It holds, and comes home once it can: announced once each.
+        assert len(announced(flight, "holding")) <= 1
         missing.comes_again()
         flight.fly_for(10.0)
     else:  # home is flown without it
         flight.fly_for(limit.home_s - limit.stop_s - ESCALATES_S)
-    said = len(alarms(flight))
+    count = len(alarms(flight))
     assert flight.controller.context.alarms.shown == {}
     flight.fly_for(60.0)
-    assert len(alarms(flight)) == said, alarms(flight)[said - 1 :]
+    assert len(alarms(flight)) == count, alarms(flight)[count - 1 :]
 
 
-def test_a_pilot_who_takes_over_is_asked_no_more(away):
+def test_a_pilot_who_takes_over_is_alerted_no_more(away):
     flight = away(duration_s=None)
     Missing(flight, "position_s")
     flight.fly_for(5.0)
@@ -182,15 +182,15 @@ def test_the_battery_reserve_counts_without_positions(away):
     flight.battery = flight.mission.battery_reserve - 0.01
     flight.fly_for(1.0)
     assert flight.controller.state is State.HOME
-    assert told(flight, "coming home", "battery at")
+    assert announced(flight, "coming home", "battery at")
 
 
-def test_while_the_flight_mode_is_not_heard_nothing_at_all_is_commanded(away):
+def test_while_the_flight_mode_is_not_received_nothing_at_all_is_commanded(away):
     flight = away(duration_s=60.0)
     missing = Missing(flight, "mode_s")
     flight.fly_for(5.5)
     commanded = len(flight.motions)
-    flight.operator_asks(ComeHome())
+    flight.operator_requests(ComeHome())
     flight.mode, flight.target = FlightMode.OTHER, None  # a pilot took it; it does not show
     flight.fly_for(60.0)
     assert len(flight.motions) == commanded
@@ -207,25 +207,25 @@ def test_positions_missing_while_it_lands_do_not_stop_it(airborne):
     Missing(flight, "position_s")
     flight.lands()
     assert len(flight.motions) == commanded
-    assert told(flight, "position", "landing on")
+    assert announced(flight, "position", "landing on")
 
 
-def test_in_the_climb_it_is_told_and_the_mission_ends_by_the_same_table(pretend):
+def test_in_the_climb_it_is_announced_and_the_mission_ends_by_the_same_table(pretend):
     flight = pretend()
     flight.take_off_halfway()
     missing = Missing(flight, "position_s")
     flight.fly_for(3.0)
-    assert told(flight, "position not received")
+    assert announced(flight, "position not received")
     flight.fly_for(28.0)
     assert flight.controller.state is State.HOME
     missing.comes_again()
     flight.lands()
 
 
-def test_one_that_flies_by_another_s_hand_is_still_told_what_is_missing(away):
+def test_what_is_missing_is_announced_also_while_another_flies_it(away):
     flight = away()
     flight.pilot_chooses(FlightMode.OTHER)
     Missing(flight, "position_s")
     flight.fly_for(3.0)
-    assert told(flight, "position not received")
+    assert announced(flight, "position not received")
     assert flight.controller.state is State.PASSIVE

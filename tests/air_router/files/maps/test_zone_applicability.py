@@ -241,11 +241,11 @@ def test_in_a_zone_is_a_breach_only_at_its_altitude(tmp_path, altitude, within_m
     flight.fly_to_state(State.INIT)
     flight.position, flight.velocity = Point(50.0, 40.0), (0.0, 0.0)
     flight.step()
-    assert not any("breach" in text for text in flight.said)
+    assert not any("breach" in text for text in flight.announced)
     flight.altitude_m = within_m
     flight.position, flight.velocity = Point(52.0, 40.0), (0.0, 0.0)
     flight.step()
-    assert any("breach of z" in text for text in flight.said)
+    assert any("breach of z" in text for text in flight.announced)
 
 
 def test_a_start_is_late_only_where_zones_come_and_go(tmp_path):

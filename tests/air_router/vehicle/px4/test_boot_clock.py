@@ -134,7 +134,7 @@ def test_the_flight_lets_go_of_both(away):
     flight = away(duration_s=None)
     commanded = len(flight.motions)
     flight.give(WrongVehicle(flight.now_s, "two autopilots answer", twins=True))
-    alarm, hands_off = flight.announced[-2:]
+    alarm, hands_off = flight.announcements[-2:]
     assert (alarm.text, alarm.instruction) == ("two autopilots answer", SEPARATE_TWINS)
     assert hands_off.instruction == SEPARATE_TWINS
     flight.fly_for(10.0)
