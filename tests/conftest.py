@@ -65,7 +65,7 @@ def pytest_collection_finish():
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
     """Every file stays on one worker, and so does every group (`--dist loadgroup`)."""
-    from xdist.scheduler import LoadGroupScheduling  # noqa: PLC0415 - installed where this hook runs
+    from xdist.scheduler import LoadGroupScheduling  # noqa: PLC0415 - there where this hook runs
 
     class FilesAndGroups(LoadGroupScheduling):
         def _split_scope(self, nodeid):

@@ -32,7 +32,7 @@ def test_the_reason_names_the_type():
     assert "vehicle of MAV_TYPE 46" in Airframe(46).why_not_flown
 
 
-def hears(*kinds):
+def why_not_flown(*kinds):
     """Why no mission is flown after each of these HEARTBEATs."""
     watch = AirframeWatch()
     for kind in kinds:
@@ -41,15 +41,15 @@ def hears(*kinds):
 
 
 def test_one_heartbeat_of_another_type_is_not_believed():
-    assert not any(hears(2, 2, 1, *[2] * 30, 1, *[2] * 30))
+    assert not any(why_not_flown(2, 2, 1, *[2] * 30, 1, *[2] * 30))
 
 
 def test_two_vehicles_that_take_turns_are_the_wrong_one_all_the_time():
-    reasons = list(hears(2, *itertools.islice(itertools.cycle((1, 2)), 40)))
+    reasons = list(why_not_flown(2, *itertools.islice(itertools.cycle((1, 2)), 40)))
     assert reasons[:3] == [None, None, None]
     assert all("fixed wing" in why for why in reasons[3:])
 
 
-def test_the_right_one_has_to_be_heard_alone_for_ten_seconds():
-    reasons = list(hears(1, 1, *[2] * 12))
+def test_the_right_one_has_to_be_received_alone_for_ten_seconds():
+    reasons = list(why_not_flown(1, 1, *[2] * 12))
     assert reasons[1] == reasons[10] != reasons[11] is None

@@ -12,7 +12,7 @@ class Wall:
         return self.now_s
 
 
-def test_before_anything_is_heard_it_is_this_machine_s_time():
+def test_before_anything_is_received_it_is_this_machine_s_time():
     clock = VehicleClock(monotonic=Wall(), unix=lambda: 5e8)
     assert clock.boot_s() == 0.0
     assert clock.now_s() == 5e8
@@ -28,7 +28,7 @@ def test_it_runs_on_at_the_vehicle_s_rate_between_two_messages():
     assert clock.boot_s() == pytest.approx(36.5, abs=0.1)
 
 
-def test_it_goes_on_while_the_vehicle_says_anything():
+def test_it_goes_on_while_the_vehicle_sends_anything():
     wall = Wall()
     clock = VehicleClock(monotonic=wall)
     clock.received(10.0)
@@ -63,11 +63,11 @@ def test_a_rebooted_vehicle_starts_anew():
 
 
 def test_a_unix_time_that_was_set_since_counts_once_it_runs_with_the_vehicle_s_clock():
-    """A PX4 without a fix tells the time of its own clock; with one, that of the satellites."""
+    """A PX4 without a fix sends the time of its own clock; with one, that of the satellites."""
     clock = VehicleClock(monotonic=Wall(), unix=lambda: 5e8)
     clock.received(10.0)
     clock.received_unix(1.2e9, 10.0)
-    told = []
+    times_s = []
     for boot_s, unix_s in (
         (11.0, 1.7e9),
         (11.0, 1.7e9),
@@ -77,11 +77,11 @@ def test_a_unix_time_that_was_set_since_counts_once_it_runs_with_the_vehicle_s_c
     ):
         clock.received(boot_s)
         clock.received_unix(unix_s, boot_s)
-        told.append(clock.now_s())
-    assert told == pytest.approx([1.2e9 + 1, 1.2e9 + 1, 1.2e9 + 2, 1.2e9 + 3, 1.7e9 + 1])
+        times_s.append(clock.now_s())
+    assert times_s == pytest.approx([1.2e9 + 1, 1.2e9 + 1, 1.2e9 + 2, 1.2e9 + 3, 1.7e9 + 1])
 
 
-def test_unix_time_is_the_vehicle_s_once_it_has_told_it():
+def test_unix_time_is_the_vehicle_s_once_it_is_received():
     clock = VehicleClock(monotonic=Wall(), unix=lambda: 5e8)
     clock.received(10.0)
     assert clock.now_s() == pytest.approx(5e8)
@@ -107,9 +107,9 @@ def test_a_simulation_that_waits_for_us_is_ahead_by_no_more_than_it_may():
     for step in range(30):
         wall.now_s = 103.0 + step * 0.1
         clock.received(17.0 + 2.5 * step)
-    heard_s = clock.boot_s()
+    received_s = clock.boot_s()
     wall.now_s += 0.3  # busy: at 25 times real time that would be 7.5 s
-    assert clock.boot_s() == pytest.approx(heard_s + PACE_ALLOWANCE_S)
+    assert clock.boot_s() == pytest.approx(received_s + PACE_ALLOWANCE_S)
 
 
 @pytest.mark.parametrize("stall_s", [0.5, 1.0, 1.9])

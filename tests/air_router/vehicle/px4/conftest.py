@@ -48,13 +48,13 @@ class Px4:
         self.telemetry.listen(self, 1)
         self.telemetry.subscribe(self.events.append)
         for name in RATES_HZ:
-            self.says(name)
+            self.sends(name)
         self.run(1.0)
 
     def _subscribe(self, _direct, name, callback):
         self._handlers[name] = callback
 
-    def says(self, name, **changes):
+    def sends(self, name, **changes):
         self._handlers[name](Received({**self._fields(name), **changes}, (1, 1), self.wall_s))
 
     def run(self, seconds, rate=1.0):
@@ -66,7 +66,7 @@ class Px4:
             tick = round(self.boot_s * 10)
             for name, hz in RATES_HZ.items():
                 if name not in self.off and tick % round(10 / hz) == 0:
-                    self.says(name)
+                    self.sends(name)
 
     @property
     def last(self):

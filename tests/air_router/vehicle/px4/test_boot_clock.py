@@ -34,11 +34,11 @@ def test_a_flight_over_the_wrap_is_one_flight(px4):
     fields, wrapped = px4._fields, []
 
     def wraps(name):
-        told = fields(name)
-        if "time_boot_ms" in told:
-            wrapped.append(told["time_boot_ms"] >= BOOT_CLOCK_MS)
-            told["time_boot_ms"] %= BOOT_CLOCK_MS
-        return told
+        sent = fields(name)
+        if "time_boot_ms" in sent:
+            wrapped.append(sent["time_boot_ms"] >= BOOT_CLOCK_MS)
+            sent["time_boot_ms"] %= BOOT_CLOCK_MS
+        return sent
 
     px4._fields = wraps
     px4.speed_m_s = 5.0
@@ -63,12 +63,12 @@ def test_late_streams_and_what_a_socket_kept_are_one_vehicle():
 
 
 def test_two_clocks_that_take_turns_are_two_vehicles_until_one_is_gone():
-    watch, news = TwinWatch(), []
+    watch, changes = TwinWatch(), []
     for step in range(60):
         arrived_s = 100.0 + step * 0.1
         boot_s = arrived_s + (600.0 if step % 10 == 5 else 0.0)
-        news.append(watch.take(boot_s, arrived_s, 1.0))
-    assert news.count(True) == 1
+        changes.append(watch.take(boot_s, arrived_s, 1.0))
+    assert changes.count(True) == 1
     assert watch.apart_s == pytest.approx(600.0, abs=0.5)
     over = [
         watch.take(106.0 + s * 0.1, 106.0 + s * 0.1, 1.0) for s in range(TWIN_CLEARED_MESSAGES + 1)
@@ -92,25 +92,25 @@ class Twin:
 
     def run(self, seconds):
         for step in range(round(seconds)):
-            self._px4.says("HEARTBEAT", base_mode=0, custom_mode=HOLD, system_status=3)
+            self._px4.sends("HEARTBEAT", base_mode=0, custom_mode=HOLD, system_status=3)
             for _ in range(2):
                 ground = {"relative_alt": 0, "alt": 6_700, "time_boot_ms": 900_000 + step * 1000}
-                self._px4.says("GLOBAL_POSITION_INT", **ground)
+                self._px4.sends("GLOBAL_POSITION_INT", **ground)
                 self._px4.run(0.5)
 
 
-def test_two_autopilots_with_one_system_id_are_said_to_be_that_and_not_a_crash(px4):
+def test_two_autopilots_with_one_system_id_are_reported_as_that_and_not_as_a_crash(px4):
     px4.events.clear()
     Twin(px4).run(10.0)
     wrong = [event for event in px4.events if isinstance(event, WrongVehicle)]
     assert [event.twins for event in wrong] == [True]
     assert "two autopilots answer with the same system id" in wrong[0].why_not
-    told = [event for event in px4.events if isinstance(event, Telemetry)]
-    assert all(event.armed for event in told)  # never "disarmed in the air"
-    assert {event.mode for event in told} == {FlightMode.MISSION}
+    reported = [event for event in px4.events if isinstance(event, Telemetry)]
+    assert all(event.armed for event in reported)  # never "disarmed in the air"
+    assert {event.mode for event in reported} == {FlightMode.MISSION}
 
 
-def test_one_that_was_killed_says_so_in_every_heartbeat(px4):
+def test_one_that_was_killed_reports_that_in_every_heartbeat(px4):
     px4.armed = False
     px4.run(2.5)
     assert not px4.last.armed
@@ -118,11 +118,11 @@ def test_one_that_was_killed_says_so_in_every_heartbeat(px4):
 
 def test_two_serial_numbers_are_two_autopilots(px4):
     version = {"flight_sw_version": 0x011100FF}
-    px4.says("AUTOPILOT_VERSION", **version, uid=7)
-    px4.says("AUTOPILOT_VERSION", **version, uid=7)
-    px4.says("AUTOPILOT_VERSION", **version, uid=0)  # not told
+    px4.sends("AUTOPILOT_VERSION", **version, uid=7)
+    px4.sends("AUTOPILOT_VERSION", **version, uid=7)
+    px4.sends("AUTOPILOT_VERSION", **version, uid=0)  # unknown
     assert not any(isinstance(event, WrongVehicle) for event in px4.events)
-    px4.says("AUTOPILOT_VERSION", **version, uid=8)
+    px4.sends("AUTOPILOT_VERSION", **version, uid=8)
     (wrong,) = [event for event in px4.events if isinstance(event, WrongVehicle)]
     assert wrong.twins
     late = []

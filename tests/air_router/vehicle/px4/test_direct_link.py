@@ -32,9 +32,9 @@ class Linked:
     """A link, and what it hands on."""
 
     def __init__(self, url):
-        self.heard = queue.Queue()
+        self.received = queue.Queue()
         self.signer = signer()
-        self.link = DirectLink(url, self.heard.put, self.signer)
+        self.link = DirectLink(url, self.received.put, self.signer)
 
     def __enter__(self):
         return self
@@ -47,8 +47,8 @@ class Linked:
         vehicle = signer()
         send(heartbeat())
         send(vehicle.sign(heartbeat()))
-        assert self.heard.get(timeout=LIMIT_S) == heartbeat()
-        assert self.heard.empty()
+        assert self.received.get(timeout=LIMIT_S) == heartbeat()
+        assert self.received.empty()
         assert self.signer.counts == {Verdict.UNSIGNED: 1, Verdict.GOOD: 1}
         self.link.send(heartbeat(9))
         assert vehicle.received(receive()) == heartbeat(9)
@@ -96,7 +96,7 @@ def test_over_a_serial_line_of_raw_bytes(terminal):
         assert not settings[3] & (termios.ECHO | termios.ICANON)
 
 
-def test_flow_control_is_as_the_url_says(terminal):
+def test_flow_control_is_that_of_the_url(terminal):
     _, device = terminal
     for kind, wanted in (("serial_flowcontrol", True), ("serial", False)):
         line = opened(f"{kind}://{device}:57600")
@@ -139,7 +139,7 @@ def test_a_line_that_takes_no_more_gets_whole_frames_only(terminal):
         ("tcpin://127.0.0.1:5760", "a signed link is"),
     ],
 )
-def test_a_url_that_cannot_be_opened_says_what_to_write(url, words):
+def test_the_error_of_a_url_that_cannot_be_opened_has_what_to_write(url, words):
     with pytest.raises(ValueError, match=words):
         opened(url)
 

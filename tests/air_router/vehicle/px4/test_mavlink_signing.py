@@ -263,7 +263,7 @@ def test_a_frame_in_a_stream_that_is_not_taken_counts_once():
         (lambda: b"", ""),
     ],
 )
-def test_why_nothing_is_taken_is_said(sender, words):
+def test_the_reason_why_nothing_is_taken_is_reported(sender, words):
     ours = signer()
     ours.received(sender())
     assert words in ours.why_none_is_taken

@@ -24,7 +24,7 @@ def guarding(known=OURS):
         (OURS._replace(fence_id=9, rally_points_id=9), {FENCE, RALLY}),
     ],
 )
-def test_what_no_transfer_of_ours_explains_is_anothers_and_told_once(ids, changed):
+def test_what_no_transfer_of_ours_explains_is_anothers_and_reported_once(ids, changed):
     guard = guarding()
     assert guard.reported(ids) == changed
     assert guard.reported(ids) == set()
@@ -63,20 +63,20 @@ def test_a_transfer_whose_answer_is_lost_may_be_stored_and_one_that_was_refused_
         assert guard.reported(OURS._replace(rally_points_id=9)) == changed
 
 
-@pytest.mark.parametrize("told_before", [True, False])
-def test_an_answer_that_is_heard_after_the_end_of_the_transfer_counts(told_before):
-    """MAVSDK has told that it is stored before we have seen the answer."""
+@pytest.mark.parametrize("reported_before", [True, False])
+def test_an_answer_that_is_received_after_the_end_of_the_transfer_counts(reported_before):
+    """MAVSDK has reported that it is stored before the answer was received."""
     guard = guarding()
     guard.transfer_begins(FENCE)
     guard.transfer_ends(perhaps_stored=True)
-    if told_before:
+    if reported_before:
         assert guard.reported(OURS._replace(fence_id=7)) == set()
     guard.stored(FENCE, 7)
     assert guard.reported(OURS._replace(fence_id=7)) == set()
     assert guard.reported(OURS._replace(fence_id=8)) == {FENCE}
 
 
-def test_an_answer_that_is_late_shows_what_was_told_for_ours_before_it():
+def test_a_late_answer_shows_that_what_counted_as_ours_before_it_was_not():
     guard = guarding()
     guard.transfer_begins(FENCE)
     guard.transfer_ends(perhaps_stored=True)
@@ -106,18 +106,18 @@ def test_a_list_of_ours_that_is_empty_though_its_clearing_was_refused_is_no_othe
     assert guard.reported(OURS._replace(fence_id=0)) == {FENCE}
 
 
-def test_before_anything_is_known_what_is_told_first_is_what_is_there():
+def test_before_anything_is_known_the_first_report_is_what_is_there():
     guard = guarding(None)
     assert guard.reported(OURS) == set()
     assert guard.reported(OURS._replace(mission_id=9)) == {MISSION}
 
 
-def test_an_answer_to_another_station_on_our_link_is_its_try_and_told(px4):
+def test_an_answer_to_another_station_on_our_link_is_its_try_and_reported(px4):
     px4.telemetry.guard_plan(None)
     ours = {"target_system": 1, "target_component": 191, "mission_type": 0, "opaque_id": 5}
-    px4.says("MISSION_ACK", **ours, type=1)
+    px4.sends("MISSION_ACK", **ours, type=1)
     assert not any(isinstance(event, PlanTried) for event in px4.events)
-    px4.says("MISSION_ACK", **ours | {"target_system": 255, "target_component": 190}, type=1)
+    px4.sends("MISSION_ACK", **ours | {"target_system": 255, "target_component": 190}, type=1)
     (tried,) = (event for event in px4.events if isinstance(event, PlanTried))
     assert "255" in tried.who
 
@@ -128,23 +128,23 @@ def test_a_list_that_was_stored_for_another_station_is_no_list_of_ours(
 ):
     px4.telemetry.guard_plan(OURS)
     ack = {"target_system": system, "target_component": component, "mission_type": 0, "type": 0}
-    px4.says("MISSION_ACK", **ack, opaque_id=7)
+    px4.sends("MISSION_ACK", **ack, opaque_id=7)
     ids = OURS._replace(mission_id=7)._asdict()
-    px4.says("MISSION_CURRENT", seq=3, total=9, **ids)
+    px4.sends("MISSION_CURRENT", seq=3, total=9, **ids)
     assert any(isinstance(event, PlanReplaced) for event in px4.events) == changed
 
 
-def test_a_transfer_of_ours_is_no_change_and_one_in_it_is_told_at_once(px4):
+def test_a_transfer_of_ours_is_no_change_and_one_in_it_is_reported_at_once(px4):
     reported = {"seq": 3, "total": 9, "mission_id": 1, "fence_id": 2, "rally_points_id": 3}
     px4.off.add("MISSION_CURRENT")
-    px4.says("MISSION_CURRENT", **reported)
+    px4.sends("MISSION_CURRENT", **reported)
     px4.telemetry.guard_plan(OURS)
     px4.telemetry.plan.guard.transfer_begins(FENCE)
     ack = {"target_system": 1, "target_component": 191, "mission_type": FENCE, "type": 0}
-    px4.says("MISSION_ACK", **ack, opaque_id=7)
+    px4.sends("MISSION_ACK", **ack, opaque_id=7)
     px4.telemetry.plan.guard.transfer_ends()
-    px4.says("MISSION_CURRENT", **reported | {"fence_id": 7})
+    px4.sends("MISSION_CURRENT", **reported | {"fence_id": 7})
     assert not any(isinstance(event, PlanReplaced) for event in px4.events)
-    px4.says("MISSION_CURRENT", **reported | {"fence_id": 7, "mission_id": 4})
+    px4.sends("MISSION_CURRENT", **reported | {"fence_id": 7, "mission_id": 4})
     (replaced,) = (event for event in px4.events if isinstance(event, PlanReplaced))
     assert not replaced.only_fence

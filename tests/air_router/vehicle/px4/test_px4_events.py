@@ -39,7 +39,7 @@ def test_numbers_are_those_on_the_wire():
 
 
 @pytest.mark.parametrize(
-    ("said", "words"),
+    ("event_", "words"),
     [
         (event("navigator_mis_geofence_violation", "h", 5), "plan item 5 lies in a no-fly zone"),
         (event("navigator_mis_unsup_cmd", "HH", 3, 99), "plan item 3 is a command .* know: 99"),
@@ -50,8 +50,8 @@ def test_numbers_are_those_on_the_wire():
         (Px4Event(0x01ABCDEF, 3), "0x01abcdef"),
     ],
 )
-def test_in_plain_words(said, words):
-    assert re.search(words, said.text), said.text
+def test_in_plain_words(event_, words):
+    assert re.search(words, event_.text), event_.text
 
 
 def test_fields_of_the_message():
@@ -91,7 +91,7 @@ def test_a_healthy_vehicle():
 
 
 @pytest.mark.parametrize(("modes", "runs"), [(0x7F3BB8, True), (0x7F3BB0, False)])
-def test_the_summary_says_whether_mission_mode_can_run(modes, runs):
+def test_the_summary_has_whether_mission_mode_can_run(modes, runs):
     reports = ArmingReports()
     assert reports.mission_can_run is None
     # As recorded from a PX4 1.16.2 with and without a mission on board.
@@ -101,7 +101,7 @@ def test_the_summary_says_whether_mission_mode_can_run(modes, runs):
     assert reports.mission_can_run is runs
 
 
-def test_a_summary_without_modes_says_nothing_of_them():
+def test_a_summary_without_modes_decides_nothing_about_them():
     reports = ArmingReports()
     reports.take(event(ARMING_SUMMARY, "BII", 0, 0, 0, level=7))
     reports.take(event(HEALTH_SUMMARY, "BIII", 0, 0, 0, 0, level=7))

@@ -1,4 +1,4 @@
-"""What a PX4 is told in order to stop, and in what pieces it is told something."""
+"""What a PX4 is sent in order to stop, and the chunks in which it is sent a text."""
 
 import asyncio
 from types import SimpleNamespace
@@ -20,30 +20,30 @@ POSITION = 0x00030000
 
 
 def flies(px4, mode):
-    """It says so, whatever it said before."""
+    """It reports the mode, whatever it reported before."""
     modes = {FlightMode.HOLD: HOLD, FlightMode.MISSION: MISSION, FlightMode.POSITION: POSITION}
     px4.mode = px4.intended = modes[mode]
-    px4.says("HEARTBEAT")
+    px4.sends("HEARTBEAT")
     assert px4.telemetry.mode is mode
 
 
-class Told:
-    """Follows what it is told at once."""
+class FollowedCommands:
+    """Commands that the vehicle follows at once."""
 
     def __init__(self, px4):
         self._px4 = px4
-        self.told = []
+        self.sent = []
 
     async def recheck(self, words, out_of=None, objection=None):
         """It is in the mode that it was in."""
 
     async def send(self, wire, words, *, out_of, objection):
-        self.told.append(wire)
+        self.sent.append(wire)
 
     async def execute(self, order, shown, *, attempts):
         assert attempts > 1
         flies(self._px4, order.leads_to)
-        self.told.append(order)
+        self.sent.append(order)
 
 
 @pytest.mark.parametrize(
@@ -56,13 +56,13 @@ class Told:
 )
 def test_a_vehicle_that_may_be_flying_to_a_point_is_stopped(px4, pennovation, mode, late, order):
     async def script():
-        commands = Told(px4)
+        commands = FollowedCommands(px4)
         motions = Px4Motions(pennovation, px4.telemetry, commands)
         flies(px4, mode)
         motions._late = late
         await motions.hold()
         assert motions._late is None
-        return commands.told
+        return commands.sent
 
     assert asyncio.run(script()) == [order]
 
@@ -82,15 +82,15 @@ def test_a_start_over_which_a_plan_is_put_on_board_is_refused(
         px4.landed, px4.height_m = ON_GROUND, 0.0
         px4.run(1.0)
         flies(px4, FlightMode.HOLD)
-        px4.says("MISSION_CURRENT", mission_id=1, fence_id=1, rally_points_id=1)
+        px4.sends("MISSION_CURRENT", mission_id=1, fence_id=1, rally_points_id=1)
 
         async def execute(order, shown, *, attempts):
             identifier = 2 if replaced else 1
-            px4.says("MISSION_CURRENT", mission_id=identifier, fence_id=1, rally_points_id=1)
+            px4.sends("MISSION_CURRENT", mission_id=identifier, fence_id=1, rally_points_id=1)
             flies(px4, chosen)
-            raise NotConfirmedError("Mission mode was asked for and does not show")
+            raise NotConfirmedError("Mission mode was requested and does not show")
 
-        commands = SimpleNamespace(execute=execute, recheck=Told(px4).recheck)
+        commands = SimpleNamespace(execute=execute, recheck=FollowedCommands(px4).recheck)
         with pytest.raises(error):
             await Px4Motions(pennovation, px4.telemetry, commands).start()
 
@@ -99,7 +99,7 @@ def test_a_start_over_which_a_plan_is_put_on_board_is_refused(
 
 def test_a_jump_that_does_not_show_is_waited_for_in_flight_no_longer_than_outside(px4, pennovation):
     async def script():
-        motions = Px4Motions(pennovation, px4.telemetry, Told(px4))
+        motions = Px4Motions(pennovation, px4.telemetry, FollowedCommands(px4))
         jump = asyncio.create_task(motions.jump(px4.item + 1))
         waited_s = 0.0
         while not jump.done():

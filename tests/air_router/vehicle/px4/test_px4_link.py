@@ -35,7 +35,7 @@ def test_frames_of_a_datagram(version):
     assert list(frames(b"POST / HTTP/1.1\r\n")) == []
 
 
-def test_the_vehicle_is_learned_by_its_heartbeat_and_others_are_not_heard(caplog):
+def test_the_vehicle_is_learned_by_its_heartbeat_and_others_are_refused(caplog):
     found = PeerFilter(system_id=1)
     assert found.takes(heartbeat(255, 190), INTRUDER, 0.0)  # what is there, for the operator
     assert found.takes(position(5), INTRUDER, 0.0)
@@ -64,21 +64,21 @@ def test_over_real_sockets():
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     bound.bind(("127.0.0.1", 0))
     here = bound.getsockname()
-    heard = queue.Queue()
+    received = queue.Queue()
     vehicle, intruder = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
-    link = Px4Link(bound, 1, heard.put)
+    link = Px4Link(bound, 1, received.put)
     with vehicle, intruder:
         link.send(b"too early")
         vehicle.sendto(heartbeat(), here)
-        assert heard.get(timeout=20) == heartbeat()
+        assert received.get(timeout=20) == heartbeat()
         intruder.sendto(position(5), here)
         vehicle.sendto(position(6), here)
-        assert heard.get(timeout=20) == position(6)
+        assert received.get(timeout=20) == position(6)
         link.send(b"an order")
         vehicle.settimeout(20)
         assert vehicle.recv(100) == b"an order"
         link.close()
-    assert heard.empty()
+    assert received.empty()
 
 
 KEY = SigningKey(bytes(range(1, 33)))
@@ -89,10 +89,10 @@ def signed_link():
     """A link with a key, what it hands on, and where it listens."""
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     bound.bind(("127.0.0.1", 0))
-    heard = queue.Queue()
-    link = Px4Link(bound, 1, heard.put, MavlinkSigner(KEY, 1))
+    received = queue.Queue()
+    link = Px4Link(bound, 1, received.put, MavlinkSigner(KEY, 1))
     try:
-        yield link, heard, bound.getsockname()
+        yield link, received, bound.getsockname()
     finally:
         link.close()
 
@@ -113,16 +113,16 @@ def senders():
 def test_on_a_signed_link_the_vehicle_is_known_by_its_signature(senders):
     intruder, vehicle = senders
     its = MavlinkSigner(KEY, 1)
-    with signed_link() as (link, heard, here):
+    with signed_link() as (link, received, here):
         intruder.sendto(heartbeat(), here)
         intruder.sendto(MavlinkSigner(SigningKey(b"x" * 32), 1).sign(heartbeat()), here)
         vehicle.sendto(its.sign(heartbeat()), here)
-        assert heard.get(timeout=20) == heartbeat()
+        assert received.get(timeout=20) == heartbeat()
         vehicle.sendto(position(5) + its.sign(position(6)), here)
-        assert heard.get(timeout=20) == position(6)
+        assert received.get(timeout=20) == position(6)
         link.send(heartbeat(9))
         assert its.received(vehicle.recv(300)) == heartbeat(9)
-        assert heard.empty()
+        assert received.empty()
         intruder.setblocking(False)
         with pytest.raises(BlockingIOError):
             intruder.recv(300)
@@ -131,7 +131,7 @@ def test_on_a_signed_link_the_vehicle_is_known_by_its_signature(senders):
 def test_a_vehicle_that_has_restarted_is_sent_our_heartbeats_until_it_goes_by_our_time(senders):
     _, vehicle = senders
     its = MavlinkSigner(KEY, 1, unix_s=lambda: 1_500_000_000)  # since it got its key
-    with signed_link() as (link, heard, here):
+    with signed_link() as (link, received, here):
         while True:  # as MAVSDK does, once a second
             vehicle.sendto(its.sign(heartbeat()), here)
             link.send(position(1))  # nothing but heartbeats
@@ -142,10 +142,10 @@ def test_a_vehicle_that_has_restarted_is_sent_our_heartbeats_until_it_goes_by_ou
             except TimeoutError:
                 continue
             break
-        assert heard.empty()
+        assert received.empty()
         assert its.received(frame) == heartbeat(9)
         vehicle.sendto(its.sign(heartbeat()), here)
-        assert heard.get(timeout=20) == heartbeat()
+        assert received.get(timeout=20) == heartbeat()
 
 
 def test_a_vehicle_that_signs_is_noticed_on_a_link_without_a_key():
@@ -172,7 +172,7 @@ class Kernel:
         return self.granted
 
 
-def test_a_buffer_that_the_kernel_grants_is_not_worth_a_word(caplog):
+def test_a_buffer_that_the_kernel_grants_is_not_logged(caplog):
     assert widen(Kernel(1 << 30)) == SOCKET_BUFFER_S
     assert caplog.text == ""
 
@@ -183,7 +183,7 @@ def test_a_buffer_that_the_kernel_does_not_grant_is_logged_with_what_to_do(caplo
     assert f"sysctl -w net.core.rmem_max={RECEIVE_BYTES // 2}" in caplog.text
 
 
-def test_a_real_socket_keeps_what_it_says():
+def test_a_real_socket_keeps_what_widen_reports():
     """Datagrams as a PX4 sends them, while nothing reads them: the oldest, until it is full."""
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound,

@@ -1,4 +1,4 @@
-"""No order leaves on a mode of before: what was asked for, what proves an answer, what is taken."""
+"""No order leaves on an earlier mode: what is requested, what proves an answer, what is taken."""
 
 import asyncio
 
@@ -18,12 +18,12 @@ PILOTS = {LAND: FlightMode.LAND, RETURN: FlightMode.RETURN, POSITION: FlightMode
 
 
 class Wire:
-    """The link to a PX4: it does what it is told after `delay` turns, and answers what is asked.
+    """The link to a PX4: it follows commands after `delay` turns, and answers requests.
 
     Attributes:
-        sent: Names and commands of what left, without questions.
+        sent: Names and commands of what left, without requests for the mode.
         echoes, answers: Whether it answers a TIMESYNC, and a request for a HEARTBEAT.
-        chosen: What a pilot chooses as the next question comes in; None: nothing.
+        chosen: What a pilot chooses as the next request comes in; None: nothing.
     """
 
     def __init__(self, px4, monkeypatch):
@@ -41,10 +41,10 @@ class Wire:
             if self.chosen is not None:
                 self.px4.mode, self.chosen = self.chosen, None
             if self.echoes:
-                self.px4.says("TIMESYNC", tc1=1, ts1=fields["ts1"])
+                self.px4.sends("TIMESYNC", tc1=1, ts1=fields["ts1"])
         elif command == 512:
             if self.answers:
-                self.px4.says("HEARTBEAT")
+                self.px4.sends("HEARTBEAT")
         else:
             self.sent.append((name, command))
             self.follow(name, fields)
@@ -104,8 +104,8 @@ VERBS = {
 
 @pytest.mark.parametrize("verb", VERBS)
 @pytest.mark.parametrize("chosen", PILOTS)
-def test_no_order_leaves_over_a_mode_that_no_heartbeat_has_told_yet(wire, verb, chosen):
-    wire.chosen = chosen  # the last HEARTBEAT still says Mission
+def test_no_order_leaves_over_a_mode_that_no_heartbeat_has_reported_yet(wire, verb, chosen):
+    wire.chosen = chosen  # the last HEARTBEAT still has Mission
     with pytest.raises(TakenOverError) as caught:
         wire.run(VERBS[verb](wire.motions))
     assert (caught.value.mode, caught.value.sent, wire.sent) == (PILOTS[chosen], False, [])
@@ -117,7 +117,7 @@ def test_a_hold_that_the_pilot_chose_is_not_taken_for_the_one_that_is_about_to_l
         wire.run(wire.motions.hold(out_of={FlightMode.MISSION}))
     assert (caught.value.mode, wire.sent) == (FlightMode.HOLD, [])
     wire.px4.mode = MISSION
-    wire.px4.says("HEARTBEAT")
+    wire.px4.sends("HEARTBEAT")
     wire.chosen = HOLD  # as one of ours from before may show it
     wire.run(wire.motions.hold(out_of={FlightMode.MISSION, FlightMode.HOLD}))
     assert len(wire.sent) == 1
@@ -127,7 +127,7 @@ def test_a_hold_that_the_pilot_chose_is_not_taken_for_the_one_that_is_about_to_l
 def test_no_order_leaves_while_a_failsafe_acts_in_the_mode_that_is_ours(wire, verb):
     """It holds because its fence was breached: the mode is that of our go-to."""
     wire.px4.mode = HOLD
-    wire.px4.says("HEARTBEAT")
+    wire.px4.sends("HEARTBEAT")
     wire.px4.status = 5
     with pytest.raises(NotSentError, match="a failsafe of the autopilot acts"):
         wire.run(VERBS[verb](wire.motions))
@@ -140,21 +140,21 @@ def test_an_order_leaves_at_once_when_the_vehicle_answers(wire):
     assert wire.px4.wall_s == before_s
 
 
-def test_a_question_that_is_lost_is_asked_again(wire):
+def test_a_request_that_is_lost_is_sent_again(wire):
     wire.echoes = wire.answers = False
-    asked = []
+    requested_s = []
 
     def later():
-        asked.append(wire.px4.wall_s)
-        wire.echoes = wire.answers = len(asked) > 5
+        requested_s.append(wire.px4.wall_s)
+        wire.echoes = wire.answers = len(requested_s) > 5
 
     wire.px4.off |= {"GLOBAL_POSITION_INT", "POSITION_TARGET_GLOBAL_INT", "SYSTEM_TIME"}
     wire.run(wire.motions.hold(), while_it_waits=later)
     assert wire.sent == [("COMMAND_LONG", 176)]
-    assert len(asked) > 5
+    assert len(requested_s) > 5
 
 
-def test_nothing_leaves_where_no_mode_is_told(wire):
+def test_nothing_leaves_where_no_mode_is_reported(wire):
     wire.answers = False
     wire.px4.off |= {"HEARTBEAT", "CURRENT_MODE"}
     with pytest.raises(NotSentError, match="no current flight mode was received"):
@@ -162,8 +162,8 @@ def test_nothing_leaves_where_no_mode_is_told(wire):
     assert wire.sent == []
 
 
-def test_a_heartbeat_proves_nothing_before_what_was_sent_after_the_question(wire):
-    """It was on its way, or in the socket, when the question left."""
+def test_a_heartbeat_proves_nothing_before_what_was_sent_after_the_request(wire):
+    """It was on its way, or in the socket, when the request left."""
     wire.echoes = False
     wire.px4.off |= {"GLOBAL_POSITION_INT", "POSITION_TARGET_GLOBAL_INT", "SYSTEM_TIME"}
     with pytest.raises(NotSentError):
@@ -173,20 +173,20 @@ def test_a_heartbeat_proves_nothing_before_what_was_sent_after_the_question(wire
     assert wire.sent == [("COMMAND_LONG", 176)]
 
 
-def test_an_echo_of_an_earlier_question_proves_nothing(wire):
+def test_an_echo_of_an_earlier_request_proves_nothing(wire):
     wire.echoes = False
     wire.px4.off |= {"GLOBAL_POSITION_INT", "POSITION_TARGET_GLOBAL_INT", "SYSTEM_TIME"}
 
     def old_echo():
-        wire.px4.says("TIMESYNC", tc1=1, ts1=17)
-        wire.px4.says("TIMESYNC", tc1=0, ts1=1 << 60)  # a question of the vehicle's own
+        wire.px4.sends("TIMESYNC", tc1=1, ts1=17)
+        wire.px4.sends("TIMESYNC", tc1=0, ts1=1 << 60)  # a request of the vehicle's own
 
     with pytest.raises(NotSentError):
         wire.run(wire.motions.hold(), while_it_waits=old_echo)
 
 
 @pytest.mark.parametrize("stall_s", STALLS_S)
-def test_an_answer_that_waited_while_this_program_stood_still_is_asked_for_again(wire, stall_s):
+def test_an_answer_that_waited_while_this_program_stood_still_is_requested_again(wire, stall_s):
     """The answer is in the socket as the program is stopped; the pilot chooses meanwhile."""
 
     async def script():
@@ -197,8 +197,8 @@ def test_an_answer_that_waited_while_this_program_stood_still_is_asked_for_again
         px4.wall_s += stall_s
         world.now_s += stall_s
         px4.boot_s += stall_s
-        px4.says("TIMESYNC", tc1=1, ts1=1 << 60)  # kept: answers of before
-        px4.says("HEARTBEAT")
+        px4.sends("TIMESYNC", tc1=1, ts1=1 << 60)  # kept: answers of before
+        px4.sends("HEARTBEAT")
         wire.echoes = wire.answers = True
         px4.mode = RETURN
         for _ in range(20):
@@ -212,37 +212,37 @@ def test_an_answer_that_waited_while_this_program_stood_still_is_asked_for_again
 
 @pytest.mark.parametrize("stall_s", STALLS_S)
 @pytest.mark.parametrize("chosen", PILOTS)
-def test_after_a_standstill_the_modes_that_were_kept_are_told_and_none_counts_as_of_now(
+def test_after_a_standstill_the_modes_that_were_kept_are_reported_and_none_counts_as_of_now(
     px4, stall_s, chosen
 ):
     """RTL, then Hold by an order of ours that was on its way: both were in the socket."""
     px4.events.clear()
     px4.wall_s += stall_s
-    px4.says("GLOBAL_POSITION_INT")  # of the beginning of the gap: it has the time of then
-    px4.says("CURRENT_MODE", custom_mode=chosen, intended_custom_mode=chosen)
-    px4.says("HEARTBEAT", custom_mode=HOLD)
+    px4.sends("GLOBAL_POSITION_INT")  # of the beginning of the gap: it has the time of then
+    px4.sends("CURRENT_MODE", custom_mode=chosen, intended_custom_mode=chosen)
+    px4.sends("HEARTBEAT", custom_mode=HOLD)
     modes = [event.mode for event in px4.events if hasattr(event, "mode")]
     assert modes == [PILOTS[chosen], FlightMode.HOLD]
     assert any(isinstance(event, LinkSilent) and event.over for event in px4.events)
     assert px4.last.ages.mode_s > 0.0
     px4.boot_s += stall_s
-    px4.says("GLOBAL_POSITION_INT")  # of now
-    px4.says("HEARTBEAT", custom_mode=HOLD)
+    px4.sends("GLOBAL_POSITION_INT")  # of now
+    px4.sends("HEARTBEAT", custom_mode=HOLD)
     assert px4.telemetry.snapshot().ages.mode_s == 0.0
 
 
 STATES = {
-    "GLOBAL_POSITION_INT": lambda told: (told.position, told.altitude_m),
-    "POSITION_TARGET_GLOBAL_INT": lambda told: told.target,
-    "MISSION_CURRENT": lambda told: told.item,
-    "EXTENDED_SYS_STATE": lambda told: told.in_air,
-    "SYS_STATUS": lambda told: told.battery,
-    "GPS_RAW_INT": lambda told: told.fix,
+    "GLOBAL_POSITION_INT": lambda telemetry: (telemetry.position, telemetry.altitude_m),
+    "POSITION_TARGET_GLOBAL_INT": lambda telemetry: telemetry.target,
+    "MISSION_CURRENT": lambda telemetry: telemetry.item,
+    "EXTENDED_SYS_STATE": lambda telemetry: telemetry.in_air,
+    "SYS_STATUS": lambda telemetry: telemetry.battery,
+    "GPS_RAW_INT": lambda telemetry: telemetry.fix,
 }
 
 
 def is_another(px4):
-    """All that the vehicle says of itself is otherwise from now on, but its mode."""
+    """All that the vehicle reports is otherwise from now on, but its mode."""
     px4.east_m, px4.height_m = 50.0, 60.0
     px4.item, px4.landed, px4.battery, px4.fix = 7, ON_GROUND, 3, 0
 
@@ -250,30 +250,30 @@ def is_another(px4):
 @pytest.mark.parametrize("stall_s", STALLS_S)
 @pytest.mark.parametrize("name", STATES)
 def test_after_a_standstill_no_state_of_before_is_believed(px4, name, stall_s):
-    """What the socket kept tells of the beginning of the gap; it is believed as of now."""
+    """What the socket kept is of the beginning of the gap; it is believed as of now."""
     before = STATES[name](px4.telemetry.snapshot())
     ids = px4.telemetry.plan.ids
     px4.wall_s += stall_s
-    px4.says("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
+    px4.sends("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
     is_another(px4)
     if name != "GLOBAL_POSITION_INT":
-        px4.says(name, mission_id=99)
+        px4.sends(name, mission_id=99)
     assert STATES[name](px4.telemetry.snapshot()) == before
     assert px4.telemetry.plan.ids == ids
     px4.boot_s += stall_s
-    px4.says("GLOBAL_POSITION_INT")
-    px4.says(name, mission_id=99)
+    px4.sends("GLOBAL_POSITION_INT")
+    px4.sends(name, mission_id=99)
     px4.run(0.8)  # it has its place by messages that agree
-    px4.says(name, mission_id=99)
+    px4.sends(name, mission_id=99)
     assert STATES[name](px4.telemetry.snapshot()) != before
 
 
 @pytest.mark.parametrize("stall_s", STALLS_S)
-def test_a_home_that_was_moved_in_a_standstill_is_told(px4, stall_s):
+def test_a_home_that_was_moved_in_a_standstill_is_reported(px4, stall_s):
     before = px4.telemetry.place.home
     px4.wall_s += stall_s
-    px4.says("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
-    px4.says("HOME_POSITION", latitude=399_500_000, longitude=-751_900_000, altitude=9000)
+    px4.sends("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
+    px4.sends("HOME_POSITION", latitude=399_500_000, longitude=-751_900_000, altitude=9000)
     assert px4.telemetry.place.home != before
 
 
@@ -283,7 +283,7 @@ def test_after_a_standstill_the_time_has_gone_on(px4, stall_s):
     before_s = px4.clock.boot_s()
     px4.wall_s += stall_s
     assert px4.clock.boot_s() == pytest.approx(before_s + stall_s, abs=0.1)
-    px4.says("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
+    px4.sends("GLOBAL_POSITION_INT", time_boot_ms=round(px4.boot_s * 1e3) + 20)
     assert px4.clock.boot_s() == pytest.approx(before_s + stall_s, abs=0.1)
 
 
@@ -295,7 +295,7 @@ def test_a_mode_that_shows_between_an_order_and_its_confirmation_is_the_pilots(w
     assert len(wire.sent) == 1
 
 
-def test_an_order_does_not_leave_again_over_a_mode_that_no_heartbeat_has_told_yet(wire):
+def test_an_order_does_not_leave_again_over_a_mode_that_no_heartbeat_has_reported_yet(wire):
     wire.follow = lambda _name, _fields: None  # it was lost
     turns = []
 

@@ -29,47 +29,47 @@ from air_router.vehicle.vehicle import FlightMode
 
 
 def identity(items):
-    """What PX4 tells one mission from another by."""
+    """What PX4 distinguishes one mission from another by."""
     return [(item.command, item.x, item.y, item.z) for item in items]
 
 
 def number_of(items):
-    """By which it tells one list from another; 0: it is empty."""
+    """By which it distinguishes one list from another; 0: it is empty."""
     return hash(repr(items)) if items else 0
 
 
 class Board:
     """A PX4 as MAVSDK shows it: it judges a mission only if it is another than before."""
 
-    def __init__(self, *, good=True, tells_state=True, judges_after=0, result_first=False):
+    def __init__(self, *, good=True, reports_state=True, judges_after=0, result_first=False):
         self.good = good
         self.result_first = result_first  # MAVSDK's result is read before our MISSION_ACK
         self.unread = []  # such answers
-        self.tells_state = tells_state  # in MISSION_CURRENT, as from PX4 1.17 on
+        self.reports_state = reports_state  # in MISSION_CURRENT, as from PX4 1.17 on
         self.judges_after = judges_after  # so many reports of its arming checks
         self.reports = ArmingReports()
         self.identity, self.time_s = SimpleNamespace(version="1.16.2"), 0.0
-        self.mission_state = int(tells_state)
+        self.mission_state = int(reports_state)
         self.refusals = []
         self.items, self.fence, self.rally = [], [], []
         self.uploads = 0
         self.judged = None
-        self.told = []  # what was different from the plan that we put on board
+        self.differences = []  # what was different from the plan that we put on board
         self.after_read = lambda: None
         self.in_air = False
-        self.tells_mode = True
+        self.sends_mode = True
         self.mode = FlightMode.HOLD
-        self.tells_ids = False  # as an older PX4, which tells none
+        self.sends_ids = False  # as an older PX4, which sends none
         self.plan = PlanReport()
         self.tried = 0
         self.after = lambda _kind: None  # called after each list that was stored
         self.report()
 
     def onboard(self):
-        return OnboardPlan(Plugins(self, self, self), self, self.received, self.told.append)
+        return OnboardPlan(Plugins(self, self, self), self, self.received, self.differences.append)
 
     async def received(self):
-        return self.tells_mode
+        return self.sends_mode
 
     def forget_texts(self):
         self.refusals.clear()
@@ -85,16 +85,16 @@ class Board:
         self.tried += 1
 
     def numbered(self):
-        """From now on it tells ids, as PX4 does since 1.15."""
-        self.tells_ids = True
+        """From now on it sends ids, as PX4 does since 1.15."""
+        self.sends_ids = True
         self.report()
 
     def report(self):
         """Its MISSION_CURRENT."""
         numbers = map(number_of, (self.items, self.fence, self.rally))
-        ids = zip(PlanIds._fields, numbers, strict=True) if self.tells_ids else ()
-        said = {"seq": 0, "total": len(self.items), "mission_state": self.mission_state}
-        self.plan.take({**said, **dict(ids)})
+        ids = zip(PlanIds._fields, numbers, strict=True) if self.sends_ids else ()
+        fields = {"seq": 0, "total": len(self.items), "mission_state": self.mission_state}
+        self.plan.take({**fields, **dict(ids)})
 
     async def shows(self, condition, _limit_s):
         if condition():
@@ -125,16 +125,16 @@ class Board:
         self.items = items
         if self.judged != identity(items):
             self.judged = identity(items)
-            self.mission_state = (2 if self.good else 1) if self.tells_state else 0
+            self.mission_state = (2 if self.good else 1) if self.reports_state else 0
             self.left = self.judges_after
             self.refusals += [] if self.good else ["plan item 3 lies in a no-fly zone"]
         self._stored(MISSION, items)
         answer(MissionRawResult.SUCCESS, None)
 
     def _stored(self, kind, items):
-        if self.tells_ids and self.result_first:
+        if self.sends_ids and self.result_first:
             self.unread.append((kind, number_of(items)))
-        elif self.tells_ids:
+        elif self.sends_ids:
             self.plan.guard.stored(kind, number_of(items))
         self.after(kind)
 
@@ -170,18 +170,18 @@ class Board:
 
 def test_nothing_is_put_on_board_while_no_flight_mode_of_now_is_received(pennovation):
     board = Board()
-    board.tells_mode = False
+    board.sends_mode = False
     with pytest.raises(PlanRefusedError, match="no current flight mode was received"):
         asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
     assert (board.uploads, board.fence, board.rally) == (0, [], [])
 
 
-def test_the_mode_is_asked_for_before_each_list_that_is_put_on_board(pennovation):
+def test_the_mode_is_requested_before_each_list_that_is_put_on_board(pennovation):
     """A pilot who took the vehicle between two lists shows in it, and the objection knows."""
-    board, taken, said = Board(), [], []
+    board, taken, requests = Board(), [], []
 
     async def received():
-        said.append((bool(board.fence), bool(board.rally), board.uploads))
+        requests.append((bool(board.fence), bool(board.rally), board.uploads))
         if board.fence:
             taken.append("the pilot has it")
         return True
@@ -221,7 +221,7 @@ def test_a_mission_that_is_wrong_is_refused_with_its_reason_at_once(pennovation)
 @pytest.mark.parametrize("numbered", [False, True])
 @pytest.mark.parametrize("what", ["geofence", "rally_points", "mission"])
 def test_what_px4_did_not_keep_is_noticed_before_take_off(pennovation, what, numbered):
-    """One that tells no ids is read back list by list; one that tells them, in the end."""
+    """One that sends no ids is read back list by list; one that sends them, in the end."""
     board = Board()
     if numbered:
         board.numbered()
@@ -241,54 +241,54 @@ def test_what_a_station_stored_where_the_mission_has_nothing_is_another_plan(pen
         asyncio.run(board.onboard().recognise(without))
 
 
-class TestAPx4ThatDoesNotSayWhetherAMissionCanBeFlown:
+class TestAPx4ThatDoesNotReportWhetherAMissionCanBeFlown:
     """Before 1.17 MISSION_CURRENT.mission_state stays 0."""
 
     @pytest.mark.parametrize("judges_after", [0, 3])
-    def test_its_arming_checks_say_it(self, pennovation, judges_after):
-        board = Board(tells_state=False, judges_after=judges_after)
+    def test_its_arming_checks_report_it(self, pennovation, judges_after):
+        board = Board(reports_state=False, judges_after=judges_after)
         asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
         assert board.reports.count == judges_after + 1
         assert board.uploads == 1
 
     def test_one_that_was_on_board_is_cleared_first_so_that_they_are_of_ours(self, pennovation):
-        plan, board = FlightPlan.of(pennovation), Board(tells_state=False)
+        plan, board = FlightPlan.of(pennovation), Board(reports_state=False)
         cleared, clear = [], board.clear_mission_async
         board.clear_mission_async = lambda answer: (cleared.append(board.uploads), clear(answer))
         asyncio.run(board.onboard().upload(plan))
         assert cleared == [0]
 
     def test_a_refusal_has_its_reason(self, pennovation):
-        board = Board(good=False, tells_state=False)
+        board = Board(good=False, reports_state=False)
         with pytest.raises(PlanRefusedError, match="plan item 3 lies in a no-fly zone"):
             asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
 
-    def test_no_report_is_no_refusal_and_says_so(self, pennovation, monkeypatch):
+    def test_no_report_is_no_refusal_and_its_error_has_that(self, pennovation, monkeypatch):
         monkeypatch.setattr(px4_plan, "PLAN_CHECKS_S", 0.01)
         monkeypatch.setattr(px4_requests, "ARMING_REPORT_S", 0.001)
-        board = Board(tells_state=False, judges_after=None)
+        board = Board(reports_state=False, judges_after=None)
         with pytest.raises(PlanRefusedError, match="neither MISSION_CURRENT nor a report"):
             asyncio.run(board.onboard().upload(FlightPlan.of(pennovation)))
 
     def test_a_changed_fence_is_waited_for_until_the_checks_are_of_it(self, pennovation):
-        plan, board = FlightPlan.of(pennovation), Board(tells_state=False)
+        plan, board = FlightPlan.of(pennovation), Board(reports_state=False)
         onboard = board.onboard()
         asyncio.run(onboard.upload(plan))
         sent_s = []
-        upload, ask = board.upload_geofence_async, board.request_result
+        upload, request = board.upload_geofence_async, board.request_result
         changed = onboard.fence._replace(
             upload=lambda items, answer: (sent_s.append(board.time_s), upload(items, answer))
         )
         onboard.fence = changed
-        asked_s = []
+        requested_s = []
 
-        async def ask_then(command, *, limit_s):
-            asked_s.append(board.time_s)
-            return await ask(command, limit_s=limit_s)
+        async def request_then(command, *, limit_s):
+            requested_s.append(board.time_s)
+            return await request(command, limit_s=limit_s)
 
-        board.request_result = ask_then
+        board.request_result = request_then
         asyncio.run(onboard.renew(plan, lambda: None))
-        assert asked_s[0] - sent_s[0] >= px4_plan.PLAN_RELOAD_S
+        assert requested_s[0] - sent_s[0] >= px4_plan.PLAN_RELOAD_S
 
 
 def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovation, monkeypatch):
@@ -331,7 +331,7 @@ def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation,
         board.after_read = change
         onboard.replaced()
         await onboard._comparing
-        return board.told, len(plan.items)
+        return board.differences, len(plan.items)
 
     (difference,), items = asyncio.run(script())
     wanted = f"the mission: {items} items sent, {items - 1} are on board" if lost else None
@@ -392,7 +392,7 @@ def test_our_lists_are_ours_whether_their_answer_or_the_result_comes_first(
 @pytest.mark.parametrize("result", [MissionRawResult.SUCCESS, MissionRawResult.TIMEOUT])
 def test_a_mission_that_we_have_cleared_is_not_anothers_change(pennovation, result):
     """On a PX4 before 1.17 one that is on board is cleared first; what it answers may be lost."""
-    plan, board = FlightPlan.of(pennovation), Board(tells_state=False)
+    plan, board = FlightPlan.of(pennovation), Board(reports_state=False)
     board.items = [to_raw(n, item, 0) for n, item in enumerate(plan.items[:-1])]
     board.numbered()
     clear = board.clear_mission_async
@@ -403,7 +403,7 @@ def test_a_mission_that_we_have_cleared_is_not_anothers_change(pennovation, resu
 
 @pytest.mark.parametrize(
     ("ids", "result_first"),
-    [(True, True), (True, False), (False, False)],  # an older PX4 tells none: it is read back
+    [(True, True), (True, False), (False, False)],  # an older PX4 sends none: it is read back
 )
 @pytest.mark.parametrize("after", [FENCE, RALLY])
 @pytest.mark.parametrize("first", [True, False])
@@ -441,11 +441,11 @@ def test_a_plan_that_was_changed_before_its_renewal_is_not_written_over(pennovat
     with pytest.raises(PlanRefusedError, match="another ground station has changed"):
         asyncio.run(onboard.renew(other, lambda: None))
     assert board.uploads == uploads
-    asyncio.run(onboard.renew(other, lambda: None))  # the operator was told, and wants it
+    asyncio.run(onboard.renew(other, lambda: None))  # the operator was informed, and wants it
     assert board.uploads == uploads + 1
 
 
-def test_that_px4_is_busy_with_a_transfer_of_another_is_told(pennovation, monkeypatch):
+def test_that_px4_is_busy_with_a_transfer_of_another_is_reported(pennovation, monkeypatch):
     monkeypatch.setattr(px4_plan, "PLAN_BUSY_S", 0.0)
     plan, board = FlightPlan.of(pennovation), Board()
     onboard = board.onboard()

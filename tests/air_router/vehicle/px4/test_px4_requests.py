@@ -1,4 +1,4 @@
-"""What a PX4 is asked on the ground, and what is made of its answers."""
+"""Queries to a PX4 on the ground, and what is made of its answers."""
 
 import asyncio
 import json
@@ -22,32 +22,32 @@ INT32, REAL32 = 6, 9
 class Autopilot:
     """What answers to an inspection: parameters (each after some losses), and a report."""
 
-    def __init__(self, telemetry, values, *, losses=0, findings=(), says_none=False):
+    def __init__(self, telemetry, values, *, losses=0, findings=(), reports_absent=False):
         self.telemetry = telemetry
         self.values = values
         self.losses = losses
         self.findings = findings
-        self.says_none = says_none  # as PX4 1.18 does
-        self.asked = []
+        self.reports_absent = reports_absent  # as PX4 1.18 does
+        self.requested = []
 
     def send_message(self, sent):
         fields = json.loads(sent.fields_json)
         assert sent.message_name == "PARAM_REQUEST_READ"
         name = fields["param_id"]
-        self.asked.append(name)
+        self.requested.append(name)
         if self.losses > 0:
             self.losses -= 1
         elif name in self.values:
             value = self.values[name]
             whole = isinstance(value, int)
-            self._hear(
+            self._deliver(
                 "parameter",
                 param_id=name,
                 param_type=INT32 if whole else REAL32,
                 param_value=struct.unpack("<f", struct.pack("<i", value))[0] if whole else value,
             )
-        elif self.says_none:
-            self._hear("parameter_error", param_id=name, param_index=-1, error=1)
+        elif self.reports_absent:
+            self._deliver("parameter_error", param_id=name, param_index=-1, error=1)
 
     def send_command_async(self, sent, callback):
         fields = json.loads(sent.fields_json)
@@ -61,9 +61,9 @@ class Autopilot:
 
     def _event(self, name, arguments, level):
         padded = list(arguments.ljust(40, b"\0"))
-        self._hear("event", id=event_id(name), log_levels=level, arguments=padded)
+        self._deliver("event", id=event_id(name), log_levels=level, arguments=padded)
 
-    def _hear(self, what, **fields):
+    def _deliver(self, what, **fields):
         handler = getattr(self.telemetry, f"_on_{what}")
         self.telemetry._only_autopilot(what, handler)(Received(fields, (1, 1), 0.0))
 
@@ -85,28 +85,28 @@ def inspect(pennovation, names, *, health=PREARM_GOOD, **autopilot):
         telemetry.system_id = 1
         telemetry._direct = direct = Autopilot(telemetry, **autopilot)
         found = await px4_requests.inspect(telemetry, names)
-        return found, direct.asked
+        return found, direct.requested
 
     return asyncio.run(main())
 
 
 def test_parameters_of_both_kinds_and_one_that_does_not_exist(pennovation):
     values = {"GF_ACTION": 2, "NAV_ACC_RAD": 2.5}
-    found, asked = inspect(pennovation, (*values, "NOPE"), values=values)
+    found, requested = inspect(pennovation, (*values, "NOPE"), values=values)
     assert found.parameters == {"GF_ACTION": 2.0, "NAV_ACC_RAD": 2.5, "NOPE": None}
-    assert asked.count("GF_ACTION") == 1
-    assert 2 <= asked.count("NOPE") <= 5
+    assert requested.count("GF_ACTION") == 1
+    assert 2 <= requested.count("NOPE") <= 5
 
 
-def test_a_parameter_that_px4_says_it_does_not_have_is_requested_once(pennovation):
-    found, asked = inspect(
-        pennovation, ("GF_ACTION", "NOPE"), values={"GF_ACTION": 2}, says_none=True
+def test_a_parameter_that_px4_reports_as_absent_is_requested_once(pennovation):
+    found, requested = inspect(
+        pennovation, ("GF_ACTION", "NOPE"), values={"GF_ACTION": 2}, reports_absent=True
     )
     assert (found.parameters["NOPE"], found.absent) == (None, {"NOPE"})
-    assert asked.count("NOPE") == 1
+    assert requested.count("NOPE") == 1
 
 
-def test_what_is_lost_on_the_way_is_asked_for_again(pennovation):
+def test_what_is_lost_on_the_way_is_requested_again(pennovation):
     values = {f"P{n}": n for n in range(8)}
     found, _ = inspect(pennovation, tuple(values), values=values, losses=20)
     assert found.parameters == values
@@ -118,7 +118,7 @@ def test_a_healthy_vehicle(pennovation):
     assert (found.gps, found.battery, found.voltage_v) == (GpsFix(3, 12, 0.9), 0.8, 15.8)
 
 
-def test_an_unhealthy_one_says_why_in_words(pennovation):
+def test_an_unhealthy_one_reports_why_in_words(pennovation):
     findings = ("check_estimator_gps_fix_too_low", "check_mag_missing")
     found, _ = inspect(pennovation, (), values={}, health=0, findings=findings)
     assert not found.healthy

@@ -1,4 +1,4 @@
-"""What PX4's streams say together: their ages, frozen ones, and no vehicle that never was."""
+"""What PX4's streams report together: their ages, frozen ones, and no vehicle that never was."""
 
 import asyncio
 
@@ -35,7 +35,7 @@ STREAMS = {
 
 
 @pytest.mark.parametrize(("name", "age"), STREAMS.items())
-def test_a_stream_that_ends_alone_ages_and_the_vehicle_is_told_of_all_the_same(px4, name, age):
+def test_a_stream_that_ends_alone_ages_and_telemetry_goes_on_all_the_same(px4, name, age):
     px4.off.add(name)
     reported = len(px4.events)
     px4.run(20.0)
@@ -48,7 +48,7 @@ def test_a_stream_that_ends_alone_ages_and_the_vehicle_is_told_of_all_the_same(p
     assert getattr(px4.last.ages, age) <= 1.0
 
 
-def test_the_mode_is_known_while_either_message_tells_it(px4):
+def test_the_mode_is_known_while_either_message_reports_it(px4):
     px4.off.add("HEARTBEAT")
     px4.run(20.0)
     assert px4.last.ages.mode_s <= 2.0
@@ -66,7 +66,7 @@ def test_a_silence_of_all_ages_nothing(px4):
 
 
 def stands_still(px4, seconds, kept_s):
-    """This program does so; the socket keeps the first of what the vehicle says meanwhile."""
+    """This program does so; the socket keeps the first of what the vehicle sends meanwhile."""
     woken_s, boot_s, mode = px4.wall_s + seconds, px4.boot_s + seconds, px4.mode
     px4.events.clear()
     px4.wall_s, px4.mode = woken_s, MISSION
@@ -75,7 +75,7 @@ def stands_still(px4, seconds, kept_s):
 
 
 @pytest.mark.parametrize(("seconds", "kept_s", "silent"), [(2.0, 1.0, 2), (12.0, 5.0, 12)])
-def test_what_a_socket_kept_while_this_program_stood_still_is_no_news(px4, seconds, kept_s, silent):
+def test_what_a_socket_kept_while_this_program_stood_still_is_not_new(px4, seconds, kept_s, silent):
     before = px4.last
     px4.mode = HOLD  # a pilot chooses it when the socket is full
     stands_still(px4, seconds, kept_s)
@@ -89,23 +89,23 @@ def test_what_a_socket_kept_while_this_program_stood_still_is_no_news(px4, secon
 
 
 @pytest.mark.parametrize("every_s", [1.4, 2.0, 4.0])
-def test_a_link_that_passes_all_at_once_now_and_then_is_heard(px4, every_s):
+def test_a_link_that_passes_all_at_once_now_and_then_is_received(px4, every_s):
     for _ in range(5):
         px4.wall_s += every_s
         px4.run(every_s, rate=1e3)
         assert px4.boot_s - px4.telemetry.time_s < 0.15
 
 
-def test_a_link_that_is_slower_from_now_on_is_heard_at_once(px4):
-    px4.wall_s += 1.8  # all that is said takes so much longer
+def test_a_link_that_is_slower_from_now_on_is_received_at_once(px4):
+    px4.wall_s += 1.8  # every message takes so much longer
     px4.mode = HOLD
     px4.run(0.2)
     assert px4.boot_s - px4.telemetry.time_s < 0.15
-    px4.says("HEARTBEAT")
+    px4.sends("HEARTBEAT")
     assert px4.telemetry.mode is FlightMode.HOLD
 
 
-def test_a_vehicle_whose_time_does_not_come_is_heard_half_a_second_after_a_pause(px4):
+def test_a_vehicle_whose_time_does_not_come_is_received_half_a_second_after_a_pause(px4):
     px4.off |= {"GLOBAL_POSITION_INT", "POSITION_TARGET_GLOBAL_INT", "SYSTEM_TIME"}
     px4.wall_s += 10.0
     px4.mode = HOLD
@@ -117,7 +117,7 @@ def test_a_vehicle_whose_time_does_not_come_is_heard_half_a_second_after_a_pause
 
 def test_ages_are_of_the_vehicle_s_time_also_when_that_runs_fast(px4):
     px4.off.add("SYS_STATUS")
-    px4.run(60.0, rate=10.0)  # two windows alike tell the rate
+    px4.run(60.0, rate=10.0)  # two windows alike give the rate
     assert px4.last.ages.battery_s == pytest.approx(60.0, rel=0.2)
 
 
@@ -127,12 +127,12 @@ def test_a_position_whose_time_stands_is_no_position_and_time_goes_on(px4):
     before_s = px4.clock.boot_s()
     for _ in range(100):
         px4.run(0.1)
-        px4.says("GLOBAL_POSITION_INT", **frozen)
+        px4.sends("GLOBAL_POSITION_INT", **frozen)
     assert px4.last.ages.position_s == pytest.approx(10.0, abs=0.6)
     assert px4.clock.boot_s() - before_s == pytest.approx(10.0, abs=0.5)
 
 
-def test_a_position_that_stays_where_it_is_while_it_flies_by_its_own_word_is_no_position(px4):
+def test_a_position_that_stays_where_it_is_while_it_reports_a_speed_is_no_position(px4):
     px4.speed_m_s = 3.5
     px4.run(1.0)
     assert px4.last.ages.position_s <= 0.1
@@ -140,12 +140,12 @@ def test_a_position_that_stays_where_it_is_while_it_flies_by_its_own_word_is_no_
     px4.off.add("GLOBAL_POSITION_INT")
     for _ in range(30):
         px4.run(0.1)
-        px4.says("GLOBAL_POSITION_INT", **place)
+        px4.sends("GLOBAL_POSITION_INT", **place)
     assert px4.last.ages.position_s == pytest.approx(3.0, abs=0.6)
     px4.speed_m_s = 0.0
-    px4.says("GLOBAL_POSITION_INT", **place)
+    px4.sends("GLOBAL_POSITION_INT", **place)
     px4.boot_s += 0.1
-    px4.says("GLOBAL_POSITION_INT", **place)  # it hovers: that may well be the same place
+    px4.sends("GLOBAL_POSITION_INT", **place)  # it hovers: that may well be the same place
     assert px4.last.ages.position_s == 0.0
 
 
@@ -154,20 +154,20 @@ def test_a_late_position_is_not_taken_for_where_it_is_now(px4):
     late = px4._fields("GLOBAL_POSITION_INT")
     px4.run(0.5)
     now = px4.last
-    px4.says("GLOBAL_POSITION_INT", **late)
+    px4.sends("GLOBAL_POSITION_INT", **late)
     assert px4.telemetry.snapshot().position == now.position
 
 
-def test_gps_that_repeats_its_time_says_nothing(px4):
+def test_gps_that_repeats_its_time_does_not_count(px4):
     stamp = px4._fields("GPS_RAW_INT")["time_usec"]
     px4.off.add("GPS_RAW_INT")
     for _ in range(10):
         px4.run(1.0)
-        px4.says("GPS_RAW_INT", time_usec=stamp)
+        px4.sends("GPS_RAW_INT", time_usec=stamp)
     assert px4.last.ages.fix_s == pytest.approx(10.0, abs=1.1)
 
 
-def test_a_charge_that_was_known_and_is_not_told_any_more_grows_old(px4):
+def test_a_charge_that_was_known_and_is_not_reported_any_more_ages(px4):
     px4.battery = -1
     px4.run(6.0)
     assert px4.last.battery == 0.9
@@ -198,15 +198,15 @@ def test_one_that_lands_is_never_shown_flying_in_the_mode_from_before(px4):
     px4.run(2.0)
     assert px4.last.mode is FlightMode.LAND
     reported = len(px4.events)
-    # It touches down and disarms; the messages that tell of it come one after the other.
+    # It touches down and disarms; the messages that report it come one after the other.
     px4.landed, px4.armed, px4.status = ON_GROUND, False, 3
     px4.mode = px4.intended = MISSION
     px4.off |= {"HEARTBEAT", "EXTENDED_SYS_STATE"}
-    px4.says("CURRENT_MODE")
+    px4.sends("CURRENT_MODE")
     px4.run(0.9)
-    px4.says("HEARTBEAT")
+    px4.sends("HEARTBEAT")
     px4.run(0.5)
-    px4.says("EXTENDED_SYS_STATE")
+    px4.sends("EXTENDED_SYS_STATE")
     px4.run(0.2)
     for event in px4.events[reported:]:
         assert not (event.armed and event.in_air and event.mode is FlightMode.MISSION)
@@ -216,11 +216,11 @@ def test_one_that_lands_is_never_shown_flying_in_the_mode_from_before(px4):
 def test_a_landing_that_disarms_is_no_failsafe_though_another_mode_is_intended(landing):
     landing.off.add("HEARTBEAT")
     landing.intended = MISSION
-    landing.says("CURRENT_MODE")
+    landing.sends("CURRENT_MODE")
     landing.run(0.9)
     assert not landing.last.failsafe
     landing.armed, landing.status, landing.mode = False, 3, MISSION
-    landing.says("HEARTBEAT")
+    landing.sends("HEARTBEAT")
     landing.run(3.0)
     assert not any(event.failsafe for event in landing.events if isinstance(event, Telemetry))
 
@@ -228,7 +228,7 @@ def test_a_landing_that_disarms_is_no_failsafe_though_another_mode_is_intended(l
 def test_a_failsafe_that_keeps_a_landing_up_shows_also_without_a_heartbeat(landing):
     landing.off.add("HEARTBEAT")
     landing.intended = MISSION
-    landing.says("CURRENT_MODE")
+    landing.sends("CURRENT_MODE")
     landing.run(2.0)
     assert landing.last.failsafe
 
@@ -237,29 +237,29 @@ def test_a_failsafe_that_keeps_a_landing_up_shows_also_without_a_heartbeat(landi
 def test_a_pilot_who_takes_over_a_landing_shows_also_without_a_heartbeat(landing, off, seconds):
     landing.off |= off
     landing.mode = landing.intended = HOLD
-    landing.says("CURRENT_MODE")
+    landing.sends("CURRENT_MODE")
     landing.run(seconds)
     assert (landing.last.mode, landing.last.armed) == (FlightMode.HOLD, True)
 
 
-def test_disarmed_in_the_air_it_has_not_landed_before_the_heartbeat_tells(px4):
+def test_disarmed_in_the_air_it_has_not_landed_before_the_heartbeat_reports_it(px4):
     px4.mode = px4.intended = LAND
     px4.height_m = 28.0
     px4.run(2.0)
     px4.off.add("HEARTBEAT")
-    px4.landed, px4.climb_m_s = ON_GROUND, -6.0  # as PX4 says 0.6 s after it was disarmed
+    px4.landed, px4.climb_m_s = ON_GROUND, -6.0  # as PX4 reports 0.6 s after it was disarmed
     px4.run(0.5)
-    px4.says("EXTENDED_SYS_STATE")
+    px4.sends("EXTENDED_SYS_STATE")
     assert px4.last.in_air
     px4.armed, px4.status = False, 3
-    px4.says("HEARTBEAT")
-    px4.says("HEARTBEAT")  # so high, one alone may be another vehicle's
+    px4.sends("HEARTBEAT")
+    px4.sends("HEARTBEAT")  # so high, one alone may be another vehicle's
     px4.run(0.1)
     assert (px4.last.armed, px4.last.in_air) == (False, True)
     px4.run(1.0)
-    px4.says("EXTENDED_SYS_STATE")
+    px4.sends("EXTENDED_SYS_STATE")
     px4.run(1.0)
-    assert px4.last.altitude_m == pytest.approx(px4.height_m, abs=1.0)  # told all the way down
+    assert px4.last.altitude_m == pytest.approx(px4.height_m, abs=1.0)  # reported all the way down
     assert px4.height_m > 5.0
 
 
@@ -278,8 +278,8 @@ def test_the_target_of_the_mode_before_is_not_the_target_of_this_one(px4):
     px4.off.add("POSITION_TARGET_GLOBAL_INT")
     px4.run(0.4)
     px4.mode = px4.intended = HOLD
-    px4.says("HEARTBEAT")
-    px4.says("POSITION_TARGET_GLOBAL_INT", **old)
+    px4.sends("HEARTBEAT")
+    px4.sends("POSITION_TARGET_GLOBAL_INT", **old)
     px4.run(0.1)
     assert px4.last.target is None
     px4.off.clear()
@@ -287,18 +287,18 @@ def test_the_target_of_the_mode_before_is_not_the_target_of_this_one(px4):
     assert px4.last.target is not None
 
 
-def test_a_failsafe_is_told_as_one_whichever_message_comes_first(px4):
+def test_a_failsafe_is_reported_as_one_whichever_message_comes_first(px4):
     px4.mode, px4.status = HOLD, CRITICAL  # the mode that was intended is still Mission
-    px4.says("CURRENT_MODE")
+    px4.sends("CURRENT_MODE")
     assert (px4.last.mode, px4.last.failsafe) == (FlightMode.HOLD, True)
 
 
 def test_a_pilot_s_choice_is_none(px4):
     px4.mode = px4.intended = HOLD
-    px4.says("CURRENT_MODE")
+    px4.sends("CURRENT_MODE")
     assert (px4.last.mode, px4.last.failsafe) == (FlightMode.HOLD, False)
     px4.mode = px4.intended = RETURN
-    px4.says("HEARTBEAT")  # before CURRENT_MODE, whose intention is older
+    px4.sends("HEARTBEAT")  # before CURRENT_MODE, whose intention is older
     px4.run(3.0)
     assert (px4.last.mode, px4.last.failsafe) == (FlightMode.RETURN, False)
 
@@ -309,21 +309,24 @@ def test_a_flight_termination_shows(px4):
     assert px4.last.terminated
 
 
-def test_a_stream_that_was_turned_off_is_asked_for_again(px4, monkeypatch):
-    asked = []
+def test_a_stream_that_was_turned_off_is_requested_again(px4, monkeypatch):
+    requested = []
 
     async def note(_telemetry, *request):
-        asked.append(request)
+        requested.append(request)
 
     monkeypatch.setattr(px4_requests, "_request", note)
     px4.run(5.0)
     asyncio.run(px4_requests.request_again(px4.telemetry))
-    assert asked == []
+    assert requested == []
     px4.off |= {"GLOBAL_POSITION_INT", "SYS_STATUS"}
     px4.run(5.0)
     asyncio.run(px4_requests.request_again(px4.telemetry))
     # At our rate; and at the autopilot's own.
-    assert asked == [(MavCmd.SET_MESSAGE_INTERVAL, 33, 1e5), (MavCmd.SET_MESSAGE_INTERVAL, 1, 0.0)]
+    assert requested == [
+        (MavCmd.SET_MESSAGE_INTERVAL, 33, 1e5),
+        (MavCmd.SET_MESSAGE_INTERVAL, 1, 0.0),
+    ]
 
 
 @pytest.mark.parametrize(("most_s", "stale"), [(0.2, False), (10.0, True)])
@@ -360,7 +363,7 @@ def test_custom_modes(custom_mode, mode):
 HERE, AWAY = Point(10.0, 0.0), Point(900.0, 0.0)
 
 
-class Told:
+class Positions:
     """Positions at 10 Hz, as a vehicle sends them, and others between them."""
 
     def __init__(self, rate=1.0):
@@ -372,45 +375,49 @@ class Told:
         for _ in range(count):
             self.now_s += step_s / self.rate
             self.boot_s += step_s
-            believed.append(self.says(self.boot_s, HERE))
+            believed.append(self.reports(self.boot_s, HERE))
         return believed
 
-    def says(self, boot_s, position):
+    def reports(self, boot_s, position):
         return self.continuity.believes(ReportedPosition(boot_s, position), self.now_s, self.rate)
 
 
 def test_a_message_of_another_boot_or_place_is_not_believed_nor_a_burst_of_them():
-    reported = Told()
-    assert all(reported.goes_on(20))
-    for boot_s, position in ((3.0, HERE), (reported.boot_s + 99.0, HERE), (reported.boot_s, AWAY)):
-        assert not any(reported.says(boot_s, position) for _ in range(50))
-        assert all(reported.goes_on(20))
+    positions = Positions()
+    assert all(positions.goes_on(20))
+    for boot_s, position in (
+        (3.0, HERE),
+        (positions.boot_s + 99.0, HERE),
+        (positions.boot_s, AWAY),
+    ):
+        assert not any(positions.reports(boot_s, position) for _ in range(50))
+        assert all(positions.goes_on(20))
 
 
-def test_a_vehicle_that_restarted_is_believed_once_the_old_one_is_not_heard_any_more():
-    reported = Told()
-    reported.goes_on(20)
-    reported.boot_s = 2.0
-    believed = reported.goes_on(20)
+def test_a_vehicle_that_restarted_is_believed_once_the_old_one_is_not_received_any_more():
+    positions = Positions()
+    positions.goes_on(20)
+    positions.boot_s = 2.0
+    believed = positions.goes_on(20)
     assert believed == sorted(believed)
     assert believed.count(False) == max(POSITIONS_AGREEING, round(POSITIONS_QUIET_S * 10)) - 1
-    reported.boot_s -= 0.5  # messages may overtake each other
-    assert all(reported.goes_on(5))
+    positions.boot_s -= 0.5  # messages may overtake each other
+    assert all(positions.goes_on(5))
 
 
 def test_a_link_that_was_lost_and_an_estimate_that_jumped_for_good_are_believed_soon():
-    reported = Told()
-    reported.goes_on(20)
-    reported.now_s, reported.boot_s = reported.now_s + 30.0, reported.boot_s + 30.0
-    assert reported.goes_on(POSITIONS_AGREEING) == [False] * (POSITIONS_AGREEING - 1) + [True]
-    places = [reported.says(reported.boot_s, AWAY)]
+    positions = Positions()
+    positions.goes_on(20)
+    positions.now_s, positions.boot_s = positions.now_s + 30.0, positions.boot_s + 30.0
+    assert positions.goes_on(POSITIONS_AGREEING) == [False] * (POSITIONS_AGREEING - 1) + [True]
+    places = [positions.reports(positions.boot_s, AWAY)]
     for _ in range(9):
-        reported.now_s, reported.boot_s = reported.now_s + 0.1, reported.boot_s + 0.1
-        places.append(reported.says(reported.boot_s, AWAY))
+        positions.now_s, positions.boot_s = positions.now_s + 0.1, positions.boot_s + 0.1
+        places.append(positions.reports(positions.boot_s, AWAY))
     assert places[:POSITIONS_AGREEING] == [False] * POSITIONS_AGREEING
     assert places[-1]
 
 
 def test_a_fast_simulation_that_stood_still_goes_on():
-    reported = Told(rate=20.0)
-    assert all(reported.goes_on(20) + reported.goes_on(5, step_s=30.0))
+    positions = Positions(rate=20.0)
+    assert all(positions.goes_on(20) + positions.goes_on(5, step_s=30.0))

@@ -94,13 +94,13 @@ def test_times_are_kept_and_the_latest_of_two_programs_counts(tmp_path):
 
 
 @pytest.mark.parametrize("data", [b"", b"soon", b"-5", b"9" * 15, b"9" * 16, b"\xff\x00"])
-def test_a_damaged_time_is_told_and_the_clock_counts(tmp_path, caplog, data):
+def test_a_damaged_time_is_logged_and_the_clock_counts(tmp_path, caplog, data):
     (tmp_path / "uav.key.timestamp").write_bytes(data)
     assert TimestampFile(tmp_path / "uav.key").load() == 0
     assert "is damaged" in caplog.text
 
 
-def test_a_time_that_cannot_be_kept_is_told_once(tmp_path, caplog):
+def test_a_time_that_cannot_be_kept_is_logged_once(tmp_path, caplog):
     times = TimestampFile(tmp_path / "nowhere" / "uav.key")
     times.store(1)
     times.store(2)
