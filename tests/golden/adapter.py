@@ -163,10 +163,10 @@ plain_of, object_of, kind_of = _TONGUE.plain_of, _TONGUE.object_of, _TONGUE.kind
 # Controllers.
 
 
-class Told:
-    """A controller that is told of events and heard in plain data.
+class PlainController:
+    """A controller that takes events, and gives its decisions, as plain data.
 
-    Motions are numbered: what becomes of one is told by its number, for several may be alike.
+    Motions are numbered: an event names one by its number, for several may be alike.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -174,16 +174,16 @@ class Told:
         self._motions: list[Any] = []
 
     def decide(self, now_s: float, event: Mapping[str, Any]) -> list[Any]:
-        """What it asks for when this happens; numbers to two digits, which are centimetres."""
+        """What it decides when this happens; numbers to two digits, which are centimetres."""
         number = event.get("motion")
         if number is not None:
             event = {**event, "motion": None}
         happened = object_of(event)
         if number is not None:
             happened = dataclasses.replace(happened, action=self._motions[number])
-        return self.heard(self._controller.handle(happened, now_s))
+        return self.decisions_of(self._controller.handle(happened, now_s))
 
-    def heard(self, decided: list[Any]) -> list[Any]:
+    def decisions_of(self, decided: list[Any]) -> list[Any]:
         """Decisions as plain data."""
         self._motions += [each for each in decided if kind_of(each) in MOTIONS]
         return [plain_of(each, 2) for each in decided]
@@ -207,11 +207,11 @@ class Told:
         self._controller.gate.reaction_s = seconds
 
 
-def controller_of(setup: Mapping[str, Any]) -> Told:
+def controller_of(setup: Mapping[str, Any]) -> PlainController:
     """A fresh controller for a stream."""
     if "run" in setup:
         folder = _folder(json.dumps(setup["files"]))
-        return Told(_controller_of_run(setup["run"], setup["name"], folder))
+        return PlainController(_controller_of_run(setup["run"], setup["name"], folder))
     path = _folder(json.dumps(setup["files"])) / "mission.yaml"
     mission = load_mission(path, uav=setup["name"] or None, start=DAY, in_flight=True)
     flight = FlightSetup(
@@ -222,7 +222,7 @@ def controller_of(setup: Mapping[str, Any]) -> Told:
         name=setup["name"],
     )
     router, plan = Router(WaypointGraph(mission)), FlightPlan.of(mission)
-    return Told(Controller(flight, router, plan))
+    return PlainController(Controller(flight, router, plan))
 
 
 @cache
@@ -286,7 +286,7 @@ def _files(text: str) -> dict[str, str]:
 def _tapped(about: Callable[[], dict[str, Any]]) -> Iterator[list[Tape]]:
     """Listen to every controller that is made meanwhile."""
     tapes: list[Tape] = []
-    taps: dict[int, tuple[Told, Tape]] = {}
+    taps: dict[int, tuple[PlainController, Tape]] = {}
     make, handle = Controller.__init__, Controller.handle
 
     def made(self: Controller, flight: FlightSetup, *parts: Any, **options: Any) -> None:
@@ -300,13 +300,13 @@ def _tapped(about: Callable[[], dict[str, Any]]) -> Iterator[list[Tape]]:
         }
         tape = Tape(setup, [])
         tapes.append(tape)
-        taps[id(self)] = Told(self), tape
+        taps[id(self)] = PlainController(self), tape
 
     def handled(self: Controller, event: Any, now_s: float) -> list[Any]:
-        told, tape = taps[id(self)]
-        plain, reaction_s = told.event_of(event), told.reaction_s
+        adapter, tape = taps[id(self)]
+        plain, reaction_s = adapter.event_of(event), adapter.reaction_s
         decided = handle(self, event, now_s)
-        tape.steps.append((round(now_s, 3), reaction_s, plain, told.heard(decided)))
+        tape.steps.append((round(now_s, 3), reaction_s, plain, adapter.decisions_of(decided)))
         return decided
 
     with patch.object(Controller, "__init__", made), patch.object(Controller, "handle", handled):

@@ -33,7 +33,7 @@ CALLS = {  # word: method, arguments
     "tick": ("tick", ()),
 }
 TIMELESS = {"supply"}
-"""Calls that are not told the time."""
+"""Calls that do not pass the time."""
 
 WANTED = {
     "dial": (actions.Connect, "peer"),
@@ -57,7 +57,7 @@ def _numbers_of(number: int) -> Iterator[None]:
 
 
 class Node:
-    """A node's core that is called and heard in plain data."""
+    """A node's core whose calls, and what comes of them, are plain data."""
 
     reaction_s = None
 
@@ -71,14 +71,14 @@ class Node:
             self._gossip = Gossip(self._team, self._name, **own)
 
     def decide(self, now_s: float, call: Mapping[str, Any]) -> list[Any]:
-        """What comes of a call: what it answers, wants done, and tells of."""
+        """What comes of a call: its answer, what is to be done, and events."""
         with _numbers_of(self._number):
             answer = self._call(now_s, call)
-            wanted, told = self._gossip.take()
+            wanted, events = self._gossip.take()
         answers = []
         if answer is not None and call["kind"] != "tick":  # which says whom to `supply` now
             answers = [{"kind": "answer", "value": _TONGUE.plain_of(answer)}]
-        return answers + [_TONGUE.plain_of(each) for each in (*wanted, *told)]
+        return answers + [_TONGUE.plain_of(each) for each in (*wanted, *events)]
 
     def _call(self, now_s: float, call: Mapping[str, Any]) -> Any:
         method, names = CALLS[call["kind"]]
@@ -128,7 +128,7 @@ def tapped(team: str, unix_s: float) -> Iterator[list[Tape]]:
             within.pop()
             if word not in TIMELESS:
                 steps.append((round(values[-1].steady_s, 6), None, {"kind": word, **parts}, []))
-            elif answer is not None:  # it is asked again and again
+            elif answer is not None:  # it is called again and again
                 steps.append((steps[-1][0], None, {"kind": word, **parts}, []))
             return answer
 

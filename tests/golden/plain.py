@@ -12,7 +12,7 @@ TIME = "time:"
 
 
 class Tape(NamedTuple):
-    """What one object was told, and decided.
+    """The events of one object, and its decisions.
 
     Attributes:
         setup: What it was made of.

@@ -12,7 +12,7 @@ decision, a signal or a policy no stream before them has; together they have 614
 streams had.
 
 Numbers are rounded when they are written. What is kept are the decisions on the rounded events;
-where the flight itself decided otherwise, that is said.
+where the flight itself decided otherwise, that is printed.
 """
 
 import argparse
@@ -192,9 +192,9 @@ def keep(name: str, stream: Stream) -> None:
     path = FOLDER / f"{name}{SUFFIX}"
     write(path, stream._replace(steps=steps))
     size_kb, count = path.stat().st_size / 1e3, sum(map(len, now))
-    said = f"{name:<32}{len(steps):>6} events {count:>5} decisions {size_kb:>5.0f} kB"
+    line = f"{name:<32}{len(steps):>6} events {count:>5} decisions {size_kb:>5.0f} kB"
     print(  # noqa: T201 - what a program does
-        said + (f", {len(others)} otherwise" if others else ""), flush=True
+        line + (f", {len(others)} otherwise" if others else ""), flush=True
     )
 
 

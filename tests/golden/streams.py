@@ -29,7 +29,7 @@ class Step(NamedTuple):
 
 
 class Stream(NamedTuple):
-    """What a controller is made of, and is told, and decides."""
+    """What a controller is made of, its events, and its decisions."""
 
     setup: dict[str, Any]
     steps: list[Step]

@@ -134,7 +134,7 @@ def test_what_is_installed_is_checked_and_what_is_shipped_is_listed():
     assert "sbom" in (UNDER_TEST / "Makefile").read_text(encoding="utf-8")
 
 
-def test_a_web_page_gets_no_answer_of_a_node(node):
+def test_a_web_page_gets_no_answer_from_a_node(node):
     port = free_port(socket.SOCK_STREAM)
     node(f"--serve=tcp://127.0.0.1:{port}")
     assert b"{" not in answer_to_a_page(port, b'{"request":"team","id":1}')
@@ -221,7 +221,7 @@ class TestBeforeItsPilotFlies:
         assert wait_until(counts, LIMIT_S)
         assert counts() == [first.fields["count"] + 1]
 
-    def test_a_web_page_gets_no_answer_of_a_flight(self, ready):
+    def test_a_web_page_gets_no_answer_from_a_flight(self, ready):
         flight, control = ready
         flight.program.wait_for("waiting for the pilot")
         assert b"{" not in answer_to_a_page(control, b'{"request":"status","id":1}')
