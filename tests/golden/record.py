@@ -7,7 +7,7 @@ All of them, or those of which NAME is a part. The second is for a change that i
 otherwise: `git diff` shows which streams it concerns, the failed test what it changes in them, and
 the commit says why.
 
-These twenty tell most: chosen one after the other by how many pairs of state and event with a
+These twenty cover most: chosen one after the other by how many pairs of state and event with a
 decision, a signal or a policy no stream before them has; together they have 614 of the 646 that 61
 streams had.
 
