@@ -208,7 +208,7 @@ MUTANTS = (
     _row("budget overspent", "mocha_link.sync_sender", "if not self._limit_bytes:", "if True:",
          "sync_sender pull gossip"),
     _row("unknown is welcome", "mocha_link.sync_sender",
-         "self._say_hello(Reception.UNKNOWN)", "self._say_hello(Reception.WELCOME)",
+         "self._send_hello(Reception.UNKNOWN)", "self._send_hello(Reception.WELCOME)",
          "sync_sender sync_network"),
     _row("frame counted twice", "mocha_link.sync_receiver",
          "if number < self._next or number in self._ahead:", "if number < self._next:",
