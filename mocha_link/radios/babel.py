@@ -209,7 +209,7 @@ class BabelRadio(BackgroundRadio):
         url: one of these.
         peers: the robots by MAC or IP address, in lower case.
         poll_s: so often all is reported, in real seconds.
-        probe_s: so often babeld is requested to list all again.
+        probe_s: real seconds between requests to babeld that it list all again.
         silent_s: without its answer for so long the connection begins anew.
         retry_s: real seconds before the next attempt to connect.
         log: where it logs.
@@ -279,8 +279,9 @@ class BabelRadio(BackgroundRadio):
                         self.refuse(error)
         finally:
             repeating.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await repeating
+            await asyncio.wait((repeating,))  # `await repeating` would hide that we are cancelled
+            if not repeating.cancelled():
+                repeating.result()
 
     async def _repeat(self, table: BabelTable, babeld: asyncio.StreamWriter) -> None:
         """Report what the table has, and have babeld list it again now and then."""

@@ -326,6 +326,29 @@ def test_what_is_not_babeld_or_refuses_is_logged_once_and_tried_again(made, capl
     assert len([each for each in caplog.records if each.levelname == "WARNING"]) <= 2
 
 
+def test_a_radio_that_is_closed_while_a_connection_ends_does_not_try_again(made):
+    warnings = []
+
+    class ClosingLog:
+        """Closes the radio on its own thread, at the line before the one that ends it."""
+
+        def log(self, *_):
+            warnings.clear()  # of the time before babeld listened
+            with contextlib.suppress(RuntimeError):  # a thread cannot wait for itself
+                radio.close()
+
+        def warning(self, *what):
+            warnings.append(what)
+
+    babeld, radio = made(log=ClosingLog())
+    babeld.listen()
+    babeld.accept("BABEL 1.0\nadd neighbour x\nno memory\n")
+    while babeld.connection.recv(100):
+        pass  # until it is closed
+    radio.close()
+    assert warnings == []
+
+
 def test_noise_between_lines_is_counted_and_the_rest_is_read(made):
     babeld, radio = made()
     babeld.listen()
