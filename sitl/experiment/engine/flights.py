@@ -218,8 +218,8 @@ def flown_in_processes(mission: Path, seed: int, policy: str, *, px4: bool = Fal
         px4: A real PX4 flies, which is found as `sitl px4` finds it without an option.
 
     Raises:
-        AirRouterError: it could not be flown, or not undisturbed: on a busy machine a flight
-            program that stalls has its vehicle hold or come home, which is not the policy's doing.
+        AirRouterError: it could not be flown, or a busy machine stalled the flight program so long
+            that the vehicle held or came home.
     """
     command = [sys.executable, "-m", "air_router", "sim", str(mission), "--json"]
     command += ["--seed", str(seed), "--seek", policy]

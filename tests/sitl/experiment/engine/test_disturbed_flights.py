@@ -46,7 +46,7 @@ def flown(tmp_path, monkeypatch):
     return fly
 
 
-def test_a_flight_that_a_stall_had_hold_is_an_error_that_names_the_remedy(flown):
+def test_a_flight_held_for_a_stall_is_an_error_that_names_the_remedy(flown):
     with pytest.raises(AirRouterError, match=rf"stalled for {LONG_S:.1f} s.*--jobs 1"):
         flown({40.0: LONG_S, 60.0: SHORT_S})
 

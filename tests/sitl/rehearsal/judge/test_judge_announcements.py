@@ -189,7 +189,7 @@ def test_it_may_land_where_requested(lands_at, end):
     requested = (SceneEvent(32.7, SceneEventKind.REQUEST, "land"),)
     how = {"announced": announced, "faults": ("LANDED_HERE",)}
     flown = judge(evidence(states, **how, happenings=requested))
-    assert judge(evidence(states, **how)).end is End.ELSEWHERE  # nobody requested it
+    assert judge(evidence(states, **how)).end is End.ELSEWHERE  # it was not requested
     assert flown.end is end
     assert "landing" in {violation.kind for violation in flown.violations}  # it moved: 5 m/s
 
