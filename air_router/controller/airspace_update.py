@@ -251,7 +251,7 @@ class AirspaceUpdate:
         return urgent
 
     def _go_without(self) -> None:
-        """Come home around the new zones by position setpoints, whatever is on board."""
+        """Come home around the new zones by DO_REPOSITION, whatever is on board."""
         self.plan_renewed(PlanRenewed("it comes home at once, for its battery"))
 
     def upload_again(self) -> None:

@@ -256,7 +256,7 @@ class ControlAuthority:
             failsafe = ControlHolder.FAILSAFE.value
             text = f"{failsafe} chose {mode.value} mode"
             if before is not None:
-                text = f"{failsafe} goes on from {before.value} to {mode.value} mode"
+                text = f"{failsafe} changed from {before.value} to {mode.value} mode"
             self._context.alarm(text, WATCH_FAILSAFE)
 
     def _is_lost(self, telemetry: Telemetry) -> bool:

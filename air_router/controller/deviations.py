@@ -5,7 +5,7 @@ pilot flies, zones are being changed, or the vehicle lands.
 
 | deviation | begins | response |
 |---|---|---|
-| home moved up or down | at once | hold, then on at the planned altitude, by position setpoints |
+| home moved up or down | at once | hold, then on at the planned altitude, by DO_REPOSITION |
 | home moved sideways | at once | announced: only PX4's own Return flies there |
 | too low or too high | 4 s off the mission's altitudes | hold, then back to them and on |
 | the altitude jumps within them / off them | at once | hold, then on / hold until it recovers |

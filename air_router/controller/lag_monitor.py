@@ -52,7 +52,7 @@ class LagMonitor:
         if telemetry is None or not (telemetry.armed or telemetry.in_air):
             return  # nothing moved
         self._context.warn(
-            f"this program stood still for {event.lag_s:.1f} s: it checked nothing meanwhile",
+            f"the companion stalled for {event.lag_s:.1f} s and checked nothing meanwhile",
             FREE_PROCESSOR,
         )
         self._lag_s = max(self._lag_s, event.lag_s)

@@ -141,12 +141,12 @@ def _elsewhere(context: MissionContext, telemetry: Telemetry) -> str | None:
 
 
 WATCHES: Final = (
-    Watch("it is in a zone", _in_zone, STANDS_IN_ZONE_S, FLY_OUT),
-    Watch("the battery is at its reserve", _at_reserve, STANDS_IN_ZONE_S, LAND_BY_HAND),
-    Watch("it should come home", _in(State.HOME), STANDS_S, LAND_BY_HAND),
-    Watch("it should land", _in(State.LAND), STANDS_S, LAND_BY_HAND),
-    Watch("its mission should continue", _elsewhere, STANDS_S, HOME_OR_TAKE_OVER),
-    Watch("its mission waits", _waits_for_plan, STANDS_FOR_PLAN_S, TAKE_OVER),
+    Watch("the vehicle is in a zone", _in_zone, STANDS_IN_ZONE_S, FLY_OUT),
+    Watch("the vehicle is at its battery reserve", _at_reserve, STANDS_IN_ZONE_S, LAND_BY_HAND),
+    Watch("the vehicle should come home", _in(State.HOME), STANDS_S, LAND_BY_HAND),
+    Watch("the vehicle should land", _in(State.LAND), STANDS_S, LAND_BY_HAND),
+    Watch("the vehicle should continue its mission", _elsewhere, STANDS_S, HOME_OR_TAKE_OVER),
+    Watch("the vehicle waits for its plan", _waits_for_plan, STANDS_FOR_PLAN_S, TAKE_OVER),
 )
 """The first that lasts long enough raises the alarm."""
 
@@ -225,7 +225,7 @@ class Standstill:
         if set(context.alarms.shown) - {STANDSTILL}:
             return
         what = f"{watch.words} ({more})" if more else watch.words
-        stands = f"{what}, and has not moved"
+        stands = f"{what} and has not moved"
         context.alarm_until_over(
             STANDSTILL,
             f"{stands} for {self._checked_s - since_s:.0f} s: {cause_of(context)}",

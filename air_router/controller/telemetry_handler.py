@@ -315,7 +315,7 @@ class TelemetryHandler:
                 self._navigator.follow(context.task.handler.replan())
             elif climb.stuck(situation.telemetry):
                 self._authority.give_up(
-                    "the climb to the mission's altitude does not go on", CLIMB_BY_HAND
+                    "the climb to the mission's altitude has stopped", CLIMB_BY_HAND
                 )
             return True
         return context.interlocks.is_raised(*OFF_PLAN)

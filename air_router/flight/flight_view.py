@@ -57,7 +57,7 @@ class FlightView:
                 {"about": about, "text": alarm.lasting, "instruction": alarm.instruction}
                 for about, alarm in status.alarms.items()
             ],
-            "heard": self._received(status),
+            "robots": self._received(status),
             "links": [self._link(link) for _, link in sorted(status.links.items())],
             "areas_revision": status.airspace.revision,
             "known_cells": self._stats.mapper.known_cells,

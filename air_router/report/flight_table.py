@@ -62,7 +62,7 @@ def goals_line(report: Mapping[str, Any]) -> str:
 def pace_line(report: Mapping[str, Any]) -> str:
     """The speed of a simulation, and the processes that it waited for."""
     pace = report.get("world", {}).get("pace", {})
-    requested, kept = pace.get("asked"), pace.get("kept")
+    requested, kept = pace.get("requested"), pace.get("kept")
     if kept is None:
         return ""
     waited = {name: of["waited_s"] for name, of in pace.get("processes", {}).items()}

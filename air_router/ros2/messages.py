@@ -119,7 +119,7 @@ class Scene:
 
     def team(self, view: Mapping[str, Any]) -> OutgoingMessage:
         """Last positions of robots, links with a signal, and the goal."""
-        places = {robot: self._xyz(pair) for robot, pair in view["heard"].items()}
+        places = {robot: self._xyz(pair) for robot, pair in view["robots"].items()}
         markers = [
             marker
             for number, (robot, at) in enumerate(places.items())

@@ -109,7 +109,7 @@ class Begins(Enum):
     """How the first leg may begin."""
 
     AS_ROUTES = "clear along its whole length, including the area that the turn may sweep"
-    BY_LEEWAY = "closer for the first meters, then clear"
+    BY_LEEWAY = "nearer to zones than usual for the first meters, then clear"
     BRAKING = "not yet: the vehicle brakes first"
 
 
@@ -216,7 +216,7 @@ class Departure:
     def _others(self) -> Airspace:
         """The other zones (those the vehicle is not in), with half of clearance plus margin.
 
-        A zone with its own clearance loses as many meters as the others.
+        A zone's own clearance is reduced by as many meters as the mission's.
         """
         others = self._airspace.without_zones_at(self.start)
         return others.with_margin((others.margin_m - others.clearance_m) / 2)
@@ -258,7 +258,7 @@ class Departure:
         return f"the vehicle is {where}: it moves away first"
 
     def first_within(self) -> Airspace:
-        """None to its own zone; half of clearance plus margin to all others."""
+        """No minimum to its own zone; half of clearance plus margin to all others."""
         return self._others
 
     def reach_within_m(self) -> float:
@@ -275,7 +275,7 @@ class Departure:
         return f"the vehicle is {where}: it takes the shortest way out"
 
     def first_within_near(self) -> Airspace:
-        """None to its own zone; to others as now, or as at the stopping point if smaller."""
+        """No minimum to its own zone; to others the smaller of that here and that at its stop."""
         shortfall_m = LEG_ROUNDING_M - min(self._others_clearance_left_m)
         others = self._airspace.without_zones_at(self.start)
         return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)

@@ -294,7 +294,7 @@ class SimWorld(Closeable):
             _log.debug("no report of the world: %s", error)
         team = report.pop("pace", {})
         ended = {} if self._clock is None else self._clock.ended
-        pace = ended.get("pace", {"asked": self._options.speed, "kept": team.get("kept")})
+        pace = ended.get("pace", {"requested": self._options.speed, "kept": team.get("kept")})
         return {**report, "pace": {**pace, "longest_step_s": team.get("longest_step_s")}}
 
     def close(self) -> None:

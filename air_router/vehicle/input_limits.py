@@ -139,7 +139,7 @@ LIMITS: Final = (
         announce_s=5.0,
         home_s=60.0,
         instruction=CHECK_STREAMS,
-        why="a jump cannot be confirmed: after four, legs are flown by position setpoints",
+        why="a jump cannot be confirmed: after four, legs are flown by DO_REPOSITION",
     ),
     InputLimit(
         "landed state",

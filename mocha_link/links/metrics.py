@@ -150,7 +150,7 @@ class Contact:
         messages_out: messages in the syncs that the peer completed.
         bytes_in: bytes of replies received since the contact before.
         bytes_out: bytes of replies sent since the contact before.
-        ending: how it ended: "too weak", "not heard", "the radio is silent" (by the
+        ending: how it ended: "too weak", "no signal", "the radio is silent" (by the
             radio), "timed out" (a sync broke off), "quiet" (no more syncs); empty: it lasts.
     """
 

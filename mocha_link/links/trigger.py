@@ -15,7 +15,7 @@ FOLLOWED_PULLS_S = 5  # of all peers that push their messages, together
 SILENT_INTERVALS = 3  # after a longer silence of the radio there is no signal
 MAX_SOURCES = 4  # that are remembered of a peer
 
-TOO_WEAK, NO_SIGNAL, SILENT = "too weak", "not heard", "the radio is silent"
+TOO_WEAK, NO_SIGNAL, SILENT = "too weak", "no signal", "the radio is silent"
 
 
 @dataclass(slots=True)

@@ -44,7 +44,7 @@ _MOST_WIND_M_S: Final = 25.0
 _EPILOG = """\
 Prints one JSON line on stdout when ready: {"ready": true, "mavlink": ..., "gcs": ...,
 "truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM, then
-prints another: {"simulated_s": ..., "pace": {"asked": ..., "kept": ..., "processes": ...}}.
+prints another: {"simulated_s": ..., "pace": {"requested": ..., "kept": ..., "processes": ...}}.
 Ports are PX4's: instance N sends to 127.0.0.1, ports 14540+N (API), 14550 (ground station) and
 19410+N (truth). On each link it answers only the first program that sends to it, unless --api-to or
 --gcs-to is given.

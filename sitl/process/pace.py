@@ -157,7 +157,7 @@ class Pace(Closeable):
             wall_s = self._now[1] - self._began[1]
             kept = round((self._now[0] - self._began[0]) / wall_s, 2) if wall_s > 0 else None
         return {
-            "asked": speed,
+            "requested": speed,
             "kept": kept,
             "processes": {
                 name: {

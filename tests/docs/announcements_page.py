@@ -26,7 +26,7 @@ MAKERS = {
     "Due": (0, "why", "coming home: {}", "warning"),
     "HandoverHold": (0, "why", "holding: {}", "alarm"),
     "InputAnnouncement": (0, "what", "{}", "warning"),
-    "Watch": (0, "words", "{} …, and has not moved for … s: …", "alarm"),
+    "Watch": (0, "words", "{} … and has not moved for … s: …", "alarm"),
     "come_home": (0, "why", "coming home: {}", "warning"),
     "give_up": (0, "why", "hands off: {}", "alarm"),
     "take_over": (1, "why", "hands off: {}", "warning"),

@@ -157,7 +157,7 @@ def test_lost_sticks_return_it_and_it_is_left_to_px4(place, command, short_missi
     report = json.loads(out)
     assert (code, report["outcome"]) == (1, "failsafe"), flight.printed
     assert "ALARM: hands off: an autopilot failsafe chose Hold mode" in flight.printed
-    assert "ALARM: an autopilot failsafe goes on from Hold to Return mode" in flight.printed
+    assert "ALARM: an autopilot failsafe changed from Hold to Return mode" in flight.printed
     flown = [one for one in station.shown if one.armed]
     assert flown[-1][:2] == (AUTO, RETURN), station.shown  # no order of ours came after it
     assert flown[-1].status == FAILSAFE

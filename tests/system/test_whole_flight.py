@@ -284,7 +284,7 @@ def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(fli
     assert report["interactions"]["completed"] > 0.9 * report["interactions"]["started"]
 
     pace = report["world"]["pace"]
-    assert 0 < pace["kept"] <= pace["asked"] == SPEED
+    assert 0 < pace["kept"] <= pace["requested"] == SPEED
     assert {"titan", "team"} == set(pace["processes"])
     assert "times real time" in flight.printed
     assert "SEARCH -> COMM" in flight.printed

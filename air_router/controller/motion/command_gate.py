@@ -71,7 +71,7 @@ class CommandGate:
         ends: The flight modes that the newest motion may end. If the vehicle is in another mode by
             then, even in the motion's own, a pilot has chosen it.
         refused_jumps: Number of consecutive plan jumps that the vehicle did not follow.
-        by_points: Nodes are flown to by position setpoints, because the vehicle does not fly its
+        by_points: Nodes are flown to by DO_REPOSITION, because the vehicle does not fly its
             plan.
         blocked: The last blocking interlock, until a motion is sent or the state changes.
         waits_why: The last announced reason to hover without a clear way.
@@ -163,7 +163,7 @@ class CommandGate:
         self.waits_why = None
 
     def fly_points(self, *, instead: bool) -> None:
-        """Fly to nodes by position setpoints from now on, or as items of the plan again."""
+        """Fly to nodes by DO_REPOSITION from now on, or as items of the plan again."""
         self.by_points = instead
 
     def reacts_within(self, reaction_s: float) -> None:

@@ -115,7 +115,7 @@ INTERLOCKS: Final = (
         "FOREIGN_ORDER",
         "the vehicle seems to follow a foreign command",
         lambda context: context.interlocks.is_raised(Anomaly.FOREIGN_ORDER),
-        while_up="sends nothing",
+        while_up="sends nothing but a hold: on request, for a missing input, or in a breached zone",
         clears="telemetry shows our own command again",
         then="it plans again",
         otherwise="after 1.5 s without a break: SENT_ELSEWHERE, hands off at once, without a hold",
@@ -154,7 +154,7 @@ INTERLOCKS: Final = (
         while_up="flies on if its leg stays clear, else holds; leaves a new zone",
         clears="the changed zones are on board",
         then="it plans again",
-        otherwise="if the upload fails: a warning, and it comes home by position setpoints; "
+        otherwise="if the upload fails: a warning, and it comes home by DO_REPOSITION; "
         "if a pilot takes over: the transfer is completed, and all is uploaded again on resume",
         why="this program can end it, so everything that others or sensors decide comes first",
         scene="RELOAD",

@@ -11,7 +11,7 @@ ANNOUNCE_AGAIN_S: Final = 10.0
 """Pause before another reason to hover is announced."""
 
 JUMPS: Final = 4
-"""After this many jumps that the vehicle did not follow, position setpoints replace the plan."""
+"""After this many jumps that the vehicle did not follow, DO_REPOSITION replaces the plan."""
 
 REACTION_S: Final = 0.6
 """Time between the telemetry of a decision and the vehicle braking: PX4 needs half a second to

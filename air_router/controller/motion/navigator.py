@@ -65,7 +65,7 @@ _AROUND: Final = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 class Navigator:
     """Flies the vehicle to one goal at a time; its progress is in `Task.way`.
 
-    Nodes are flown to by position setpoints if the vehicle does not fly its plan
+    Nodes are flown to by DO_REPOSITION if the vehicle does not fly its plan
     (`CommandGate.by_points`), or while home's altitude has changed since take-off: the plan's items
     are relative to home.
 

@@ -122,7 +122,7 @@ class ReadyState(StateHandler):
             )
             gate.command(HoldHere(stage.value))
         elif context.authority.held is None and self._stuck(telemetry) and gate.pending is None:
-            context.come_home("the climb does not go on", BE_READY_AT_HOME)
+            context.come_home("the climb has stopped", BE_READY_AT_HOME)
 
     def _stuck(self, telemetry: Telemetry) -> bool:
         """Whether a climb that was handed over has made no progress for some time."""

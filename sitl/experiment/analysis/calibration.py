@@ -252,8 +252,9 @@ class Prediction:
 
     def text(self) -> str:
         """How well each column is predicted."""
+        forms = " R² | formula | regression |" * 2
         text = [
-            f"| column |{' R² | formula | regression |' * 2} in the interval | its reach | asked |",
+            f"| column |{forms} in the interval | its reach | required |",
             f"|---|{'---:|' * 8}---|",
         ]
         every = self.paper, self.guess, self.formula, self.regression

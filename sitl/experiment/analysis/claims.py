@@ -174,7 +174,7 @@ def _because(effect: Effect, shown: Interval, part: PartRule, tests: int) -> str
         unit = "points"
     value, low, high = (format(number, form) for number in shown)
     side, bound = ("more", part.more_than) if part.less_than is None else ("less", part.less_than)
-    return f"{value} {unit} [{low}, {high}]; asked: {side} than {bound:g}; detectable: {least}"
+    return f"{value} {unit} [{low}, {high}]; required: {side} than {bound:g}; detectable: {least}"
 
 
 # Rows compared.

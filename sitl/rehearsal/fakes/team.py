@@ -15,6 +15,7 @@ from air_router.mission import Mission
 from geo.frame import LocalFrame, Point
 from mocha_link import Message
 from mocha_link.links import (
+    NO_SIGNAL,
     ContactBegan,
     ContactEnded,
     Direction,
@@ -191,7 +192,7 @@ class Robots:
             name = self.weak.choice(list(self._synced_s))  # it is reported near, for a moment
             reading = Reading(_FALSE_DBM, Unit.DBM, "radio")
             node.notify(ContactBegan(name, self.unix_s(), reading))
-            node.notify(ContactEnded(name, self.unix_s(), 1.0, "not heard"))
+            node.notify(ContactEnded(name, self.unix_s(), 1.0, NO_SIGNAL))
         for name in self.places:
             near = math.dist(self._place(name, now_s), vehicle) <= self.radio_range_m
             every_s = HASTY_S if self.hostile else SYNC_EVERY_S

@@ -469,9 +469,7 @@ def a_companion_that_stood_still_announces_it(case: Case) -> Iterator[Violation]
         over = any(on_s <= h.time_s <= due_s for h in events(SceneEventKind.ENDED))
         stood_s = (on_s - stop.time_s) / case.evidence.speed
         if stood_s >= _STOOD_S and flies and not over:
-            yield from announces(
-                case, Incident(on_s, "it stood still before"), "stood still", due_s
-            )
+            yield from announces(case, Incident(on_s, "it stood still before"), "stalled", due_s)
 
 
 def breaches_are_announced(case: Case) -> Iterator[Violation]:

@@ -646,7 +646,7 @@ def test_a_way_home_that_the_pilot_interrupted_does_not_count_for_the_next(in_st
     flight.pilot_chooses(FlightMode.HOLD)
     assert send(flight, GoOn())[0].accepted
     flight.give(CommandFailed(flight.motions[-1], "lost"))
-    flight.controller.context.come_home("the climb does not go on")
+    flight.controller.context.come_home("the climb has stopped")
     assert send(flight, ExploreNow())[0].code is Refusal.COMING_HOME
 
 

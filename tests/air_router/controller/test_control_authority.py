@@ -235,7 +235,7 @@ def test_a_climb_that_does_not_go_on_is_landed(pretend):
     flight = pretend()
     flight.take_off_halfway()
     flight.ends(120.0)
-    assert any("the climb does not go on" in text for text in flight.announced)
+    assert any("the climb has stopped" in text for text in flight.announced)
     assert flight.finished.landed_by_us
     assert flight.states == [State.HOME, State.LAND, State.DONE]
 

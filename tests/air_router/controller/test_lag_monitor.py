@@ -1,4 +1,4 @@
-"""What a flight does after its own program stood still."""
+"""What a flight does after the companion stalled."""
 
 import dataclasses
 
@@ -18,7 +18,7 @@ from geo.frame import Point
 
 
 def lag_warnings(flight):
-    return [a for a in flight.announcements if "this program stood still" in a.text]
+    return [a for a in flight.announcements if "the companion stalled" in a.text]
 
 
 def test_a_short_lag_is_announced_and_flown_on(away):

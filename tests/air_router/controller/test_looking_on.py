@@ -71,8 +71,8 @@ def test_a_failsafe_that_goes_on_to_another_mode_is_alarmed_of(away):
     assert flight.announced[-1] == "hands off: an autopilot failsafe chose Hold mode"
     flight.mode = FlightMode.RETURN
     flight.fly_for(3.0)
-    (alarm,) = [a for a in flight.announcements if "goes on" in a.text]
-    assert alarm.text == "an autopilot failsafe goes on from Hold to Return mode"
+    (alarm,) = [a for a in flight.announcements if "changed from" in a.text]
+    assert alarm.text == "an autopilot failsafe changed from Hold to Return mode"
     assert (alarm.severity, alarm.instruction) == (Severity.ALARM, WATCH_FAILSAFE)
     flight.failsafe = False  # as a HEARTBEAT may flicker
     flight.step()
@@ -80,7 +80,7 @@ def test_a_failsafe_that_goes_on_to_another_mode_is_alarmed_of(away):
     flight.fly_for(1.0)
     flight.mode = FlightMode.LAND
     flight.fly_for(1.0)
-    assert flight.announced[-1] == "an autopilot failsafe goes on from Return to Land mode"
+    assert flight.announced[-1] == "an autopilot failsafe changed from Return to Land mode"
     assert len([text for text in flight.announced if "an autopilot failsafe" in text]) == 3
 
 

@@ -222,7 +222,7 @@ def test_a_climb_that_does_not_go_on_is_given_back(flight_in):
         flight.altitude_m = 20.0
         flight.step()
     assert flight.controller.state is State.PASSIVE
-    assert any("the climb to the mission's altitude does not go on" in s for s in flight.announced)
+    assert any("the climb to the mission's altitude has stopped" in s for s in flight.announced)
 
 
 def test_a_climb_that_a_pilot_ended_counts_for_nothing_in_the_next_one(flight_in):

@@ -211,7 +211,7 @@ def test_the_flight_in_standard_messages(client, bridge, program):
     cells = np.full((1, 2), Terrain.BUILDING, dtype=np.uint8)
     cells[0, 1] = Terrain.ROAD
     client.mapper.paint(GridPatch(grid.west_m + 3, grid.south_m + 2, 1.0, cells).encode())
-    flight.fly_until(lambda: client.request({"request": "view"})["heard"])
+    flight.fly_until(lambda: client.request({"request": "view"})["robots"])
     for _ in range(MAP_POLLS):
         bridge.poll()
     at = pytest.approx((*flight.position, flight.altitude_m), abs=0.02)

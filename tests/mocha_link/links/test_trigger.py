@@ -178,7 +178,7 @@ def test_contacts_are_events():
         ContactBegan("io", 1, strong),
         ContactEnded("io", 3, 2, "too weak"),
         ContactBegan("io", 4, strong),
-        ContactEnded("io", 5, 1, "not heard"),
+        ContactEnded("io", 5, 1, "no signal"),
         ContactBegan("io", 6, strong),
         ContactEnded("io", 20, 14, "the radio is silent"),
     ]

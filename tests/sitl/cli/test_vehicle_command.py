@@ -45,7 +45,7 @@ def test_it_prints_when_it_is_ready_sends_and_ends_on_a_signal():
             ended = json.loads(process.stdout.read())
             assert process.stderr.read() == ""
     assert ended["simulated_s"] > 0
-    assert ended["pace"]["asked"] == 10
+    assert ended["pace"]["requested"] == 10
     truth.close()
     assert ready["ready"] is True
     assert ready["mavlink"] == f"udpin://127.0.0.1:{port}"

@@ -114,12 +114,12 @@ def test_the_rate_that_was_kept_and_who_was_behind_are_reported():
     pace.reached("titan", "titan", 5.1, 101.02)
     pace.limit(25.0, 105.0)
     report = pace.as_json(10.0)
-    assert (report["asked"], report["kept"]) == (10.0, 4.0)
+    assert (report["requested"], report["kept"]) == (10.0, 4.0)
     assert report["processes"] == {
         "team": {"behind_s": 0.0, "waited_s": 0.0, "lost_s": None},
         "titan": {"behind_s": pytest.approx(0.1), "waited_s": 1.0, "lost_s": None},
     }
-    assert Pace().as_json(3.0) == {"asked": 3.0, "kept": None, "processes": {}}
+    assert Pace().as_json(3.0) == {"requested": 3.0, "kept": None, "processes": {}}
 
 
 @pytest.fixture
@@ -175,7 +175,7 @@ def test_a_vehicle_stands_still_for_a_process_that_works_and_flies_on_when_it_is
     client.close()
     run_until(process, lambda: time_s(process) > 10.0)
     report = process.pace()
-    assert report["asked"] == FAST
+    assert report["requested"] == FAST
     assert 0 < report["kept"] <= FAST
     assert report["processes"]["titan"]["waited_s"] > 0
 

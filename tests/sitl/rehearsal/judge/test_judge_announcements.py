@@ -14,11 +14,11 @@ TIMED = f"{TEXT}timers: {{init_s: 20, search_s: 10, explore_s: 15}}\nseek: [io, 
 ANNOUNCED = [
     (40.0, "40.0 s  READY -> INIT"),
     (60.0, "60.0 s  INIT -> SEARCH"),
-    (60.0, "60.0 s  SEARCH io: never heard"),
+    (60.0, "60.0 s  SEARCH io: never received"),
     (64.0, "64.0 s  at the search position of io"),
     (74.0, "74.0 s  SEARCH -> EXPL"),
     (89.0, "89.0 s  EXPL -> SEARCH"),
-    (89.0, "89.0 s  SEARCH europa: never heard"),
+    (89.0, "89.0 s  SEARCH europa: never received"),
     (90.0, "90.0 s  SEARCH -> COMM"),
     (90.0, "90.0 s  COMM europa: found"),
 ]
@@ -51,7 +51,7 @@ def other(number, at_s, text=None):
         ([each for each in ANNOUNCED if "position" not in each[1]], "SEARCH ended 0.0 s"),
         (other(1, 60.0, "60.0 s  INIT -> COMM"), "INIT -> COMM"),
         (other(1, 60.0, "60.0 s  INIT -> HOLD"), "INIT -> HOLD without an accepted request"),
-        (other(6, 89.0, "89.0 s  SEARCH io: never heard"), "io is sought after io, not europa"),
+        (other(6, 89.0, "89.0 s  SEARCH io: never received"), "io is sought after io, not europa"),
     ],
 )
 def test_states_follow_the_table_and_last_as_in_the_file(announced, expected):
@@ -84,8 +84,8 @@ def requested(verb, answer, *lines):
 @pytest.mark.parametrize(
     ("verb", "answer", "after", "expected"),
     [
-        ("seek io", "accepted: it seeks io: never heard", "COMM -> SEARCH", None),
-        ("seek io", "accepted: it seeks io: never heard", None, "accepted, not done"),
+        ("seek io", "accepted: it seeks io: never received", "COMM -> SEARCH", None),
+        ("seek io", "accepted: it seeks io: never received", None, "accepted, not done"),
         ("explore", "refused: it comes home", "COMM -> EXPL", "refused and done"),
         ("explore", "is not an answer", None, "explore was not answered"),
         ("goto 1,1", "accepted: it flies to the point", "COMM -> GOTO", None),

@@ -371,7 +371,7 @@ def test_a_companion_that_received_nothing_of_a_climb_has_seen_no_altitude_drift
         return dataclasses.replace(message, fields={**message.fields, "alt": alt})
 
     happenings = (SceneEvent(8.5, out), SceneEvent(18.5, again))
-    announced = [(18.7, "this program stood still for 10.0 s"), CRUISES]
+    announced = [(18.7, "the companion stalled for 10.0 s"), CRUISES]
     assert found(flight(spoil=spoil, happenings=happenings, announced=announced)) == set()
 
 
@@ -429,7 +429,7 @@ def test_a_changed_file_that_is_not_taken_is_reported(announced, wrong):
 )
 def test_a_companion_that_stood_still_announces_it_as_soon_as_it_goes_on(announced_s, wrong):
     still = (SceneEvent(69.0, SceneEventKind.STOPPED), SceneEvent(88.0, SceneEventKind.CONTINUED))
-    announced = [(announced_s, "this program stood still for 19.0 s")]
+    announced = [(announced_s, "the companion stalled for 19.0 s")]
     assert found(flight(spoil=between(70.0, 88.0), happenings=still, announced=announced)) == wrong
 
 
@@ -631,9 +631,9 @@ def acting(*modes):
     ("announced", "wrong"),
     [
         ((), True),
-        (((66.0, "an autopilot failsafe goes on from Hold to Return mode"),), False),
-        (((66.0, "an autopilot failsafe goes on from Hold to Land mode"),), True),
-        (((80.0, "an autopilot failsafe goes on from Hold to Return mode"),), True),
+        (((66.0, "an autopilot failsafe changed from Hold to Return mode"),), False),
+        (((66.0, "an autopilot failsafe changed from Hold to Land mode"),), True),
+        (((80.0, "an autopilot failsafe changed from Hold to Return mode"),), True),
     ],
 )
 def test_that_a_failsafe_goes_on_to_another_mode_is_announced(announced, wrong):

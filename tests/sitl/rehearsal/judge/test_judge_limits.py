@@ -214,7 +214,7 @@ def test_a_vehicle_with_a_poor_fix_has_three_seconds_to_stop(leg_s, wrong):
 @pytest.mark.parametrize(("later_s", "wrong"), [(3.6, False), (5.0, True)])
 def test_a_standstill_is_announced_within_a_second_and_the_time_to_react(later_s, wrong):
     still = (SceneEvent(69.0, SceneEventKind.STOPPED), SceneEvent(88.0, SceneEventKind.CONTINUED))
-    announced = [(88.0 + later_s, "this program stood still for 19.0 s")]
+    announced = [(88.0 + later_s, "the companion stalled for 19.0 s")]
     found = texts(flight(spoil=between(70.0, 88.0), happenings=still, announced=announced))
     assert ("it stood still before" in found) == wrong
 
