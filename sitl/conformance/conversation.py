@@ -122,8 +122,8 @@ class Conversation:
         parameters: Set before it begins.
         started_with: Parameters that are on board when it starts: what counts only then.
         links: That it needs.
-        since: First version of PX4 that it is held with; None: all.
-        before: First version that it is not held with any more; None: all since.
+        since: First version of PX4 that it is run on; None: all.
+        before: First version that it is no longer run on; None: all since.
     """
 
     name: str

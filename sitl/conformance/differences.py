@@ -40,7 +40,7 @@ def differences() -> Iterator[Difference]:
     for one in conversations():
         if not one.is_held_with(RECORDED):
             versions = tuple(version for version in FLOWN if one.is_held_with(version))
-            yield Difference(one.name, versions, "not held", one.fact, one.recorded)
+            yield Difference(one.name, versions, "not run", one.fact, one.recorded)
         for step in one.steps:
             yield from _of_step(one, step)
 
