@@ -13,7 +13,13 @@ from mocha_link.datagram import packet as wire
 from mocha_link.datagram.address_proof import AddressProof
 from mocha_link.datagram.outbox import Outbox
 from mocha_link.datagram.pacing import AHEAD_S, UNKNOWN_RTT_S, Pacing
-from mocha_link.datagram.packet import ACK_BYTES, DATA_BYTES, LENGTH_BYTES, MAX_MASK
+from mocha_link.datagram.packet import (
+    ACK_BYTES,
+    ALONE_BYTES,
+    DATA_BYTES,
+    LENGTH_BYTES,
+    MAX_MASK,
+)
 from mocha_link.datagram.silence import QUIET_S, Silence, deviation_s
 
 PACKET_BYTES = 1_400  # MTU of 1,500 - 20 for IP - 8 for UDP - 40 for a seal, with a margin
@@ -219,9 +225,7 @@ class Flow:
         self._hello = False
         due_s = self._arrivals.due_s
         if due_s is not None and due_s <= now_s:
-            packet = wire.only_ack(self.token, self._arrivals.acknowledge(now_s))
-            self._address.bytes_out += len(packet)
-            out.append(packet)
+            self._acknowledge(now_s, out)
         return out
 
     def unacknowledged(self) -> list[bytes]:
@@ -232,6 +236,17 @@ class Flow:
     def _probe(self, content: int | None, now_s: float, out: list[bytes]) -> None:
         if self._quota() >= self._packet:
             out.append(self._send(content, now_s))
+
+    def _acknowledge(self, now_s: float, out: list[bytes]) -> None:
+        """Send an acknowledgement alone, if the quota of the peer's address allows it."""
+        room = self._address.quota - ALONE_BYTES
+        ack = self._arrivals.acknowledge(now_s, min(room, MAX_MASK))
+        if not ack:
+            self._arrivals.defer()  # the peer's next packet allows more bytes, and makes one due
+            return
+        packet = wire.only_ack(self.token, ack)
+        self._address.bytes_out += len(packet)
+        out.append(packet)
 
     def _quota(self) -> int:
         """How many more bytes may be sent."""
@@ -277,7 +292,8 @@ class Flow:
         body = b"" if content is None else outbox.body(content)
         ack = b""
         if arrivals.waiting or (arrivals.count and not body):
-            room = self._packet - DATA_BYTES - ACK_BYTES - len(body)
+            limit = min(self._packet, self._address.quota)
+            room = limit - DATA_BYTES - ACK_BYTES - len(body)
             ack = arrivals.acknowledge(now_s, min(room, MAX_MASK)) if room >= 0 else b""
         packet = wire.data(
             self.token,

@@ -281,6 +281,44 @@ def test_a_flow_ends_with_its_numbers():
 # --- what comes from elsewhere
 
 
+def probe(number: int) -> bytes:
+    return wire.data(TOKEN, number, floor=0, content=number, body=b"", ack=b"")
+
+
+@pytest.mark.parametrize("source", [endless, numbered(0)])
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        pytest.param([8 * number for number in range(200)], id="gaps"),
+        pytest.param([0, 1_000] + [0] * 200, id="copies"),
+    ],
+)
+def test_an_unproven_address_gets_three_times_its_bytes_acknowledgements_included(source, numbers):
+    """Spread numbers make an acknowledgement ten times as long as the packet that requests it."""
+    flow = Flow(TOKEN, source, proven=False)
+    received = sent = 0
+    for count, number in enumerate(numbers):
+        now_s = count / 1000
+        flow.receive(probe(number), now_s)
+        received += len(probe(number))
+        sent += sum(map(len, flow.transmit(now_s)))
+        assert sent <= 3 * received
+        assert flow.wake_s is None or flow.wake_s > now_s
+    assert sent > received
+
+
+def test_with_data_as_well_an_unproven_address_gets_three_times_its_bytes():
+    flow = Flow(TOKEN, endless, proven=False)
+    received = sent = 0
+    for count in range(40):
+        body = wire.join([bytes(30)])
+        packet = wire.data(TOKEN, 8 * count, floor=0, content=8 * count, body=body, ack=b"")
+        flow.receive(packet, count / 1000)
+        received += len(packet)
+        sent += sum(map(len, flow.transmit(count / 1000)))
+        assert sent <= 3 * received
+
+
 def test_acknowledgements_of_what_was_never_sent_are_refused():
     flow = Flow(TOKEN, numbered(2))
     flow.transmit(0.0)
