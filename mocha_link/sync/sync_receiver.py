@@ -31,7 +31,7 @@ class Arrivals:
         self.round = round_
         self._next = 0  # all frames below this number were received, and those in `_ahead`
         self._ahead: set[int] = set()  # received numbers above `_next`
-        self._damaged = 0  # frames received damaged
+        self._damaged = 0  # received frames whose number is not known
         self._done: Done | None = None
 
     def count(self, number: int) -> bool:
@@ -50,7 +50,7 @@ class Arrivals:
         return True
 
     def count_damaged(self) -> None:
-        """Count a damaged frame."""
+        """Count a damaged frame of chunks, of which no number was counted."""
         self._damaged += 1
 
     def end(self, done: Done) -> None:
@@ -127,13 +127,12 @@ class SyncReceiver:
         self._intake.begin_frame(now)
         replies: list[bytes] = []
         try:
-            if len(frame) and frame[0] == sync.CHUNKS:
-                self._take_chunks(frame, more)
+            if not more and self._assembler.receives(frame):  # has one part only
+                replies = self._on_message(frame, now)
             else:
-                replies = self._on_message(frame if not more else b"", now)  # has one part only
+                self._take_chunks(frame, more)
         except SyncFrameError as error:
             self._intake.refuse_frame(error)
-            self._arrivals.count_damaged()
         for message_id in self._intake.take_skips():
             replies += self._frames(sync.SKIP, sync_messages.encode_skip(message_id))
         done = self._arrivals.done
@@ -142,8 +141,14 @@ class SyncReceiver:
         return replies
 
     def _take_chunks(self, frame: Frame, more: Sequence[Frame]) -> None:
-        chunks = read_chunks(frame, more)
-        if chunks.round != self._arrivals.round or self._arrivals.count(chunks.number):
+        """Process a frame of chunks, or one whose kind is damaged. Raises SyncFrameError."""
+        try:
+            chunks = read_chunks(frame, more)
+            is_new = chunks.round != self._arrivals.round or self._arrivals.count(chunks.number)
+        except SyncFrameError:
+            self._arrivals.count_damaged()  # DONE counts it
+            raise
+        if is_new:
             self._intake.take(chunks)
 
     # --- rounds
