@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
+from mocha_link.datagram import Flow
 from mocha_link.links import Direction
 from mocha_link.sync.credit import GRANT
 from mocha_link.sync.flows import Flows
@@ -80,7 +81,7 @@ class Server:
         if flow is None or flow.token != token:
             return self._packet_of_new(token, packet, now)
         refused, arrived = flow.refused, flow.arrived
-        for frame in flow.receive(packet, now.steady_s):
+        for frame in _received(flow, packet, now):
             if self._pull and self._pull.id == flow.token:
                 self._take(self._pull, frame, now)
         if self._pull and flow.refused == refused:
@@ -203,8 +204,8 @@ class Server:
             argument = argument[GRANT.size :]
         if code == SYNCC:
             pull.connection.grant(argument)
-        elif not self._take(pull, argument, now):
-            return request_id + SERRM
+        else:
+            self._take(pull, argument, now)
         return self._rejection(request_id)
 
     def _open_sync(self, route: Route, request_id: bytes, argument: bytes, now: Instant) -> None:
@@ -231,7 +232,7 @@ class Server:
             return False  # a replayed opening must not end a running pull
         pull = ServedPull(self.peer, token, now.steady_s, self._flows)
         flow = self._flows.make(token, pull.next_for_datagram)
-        frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
+        frames = _received(flow, packet, now)
         if not frames or not all(pull.sender.open(frame) for frame in frames):
             return False
         flow.proven = pull.sender.admitted
@@ -264,10 +265,11 @@ class Server:
 
     # --- a pull ends
 
-    def _take(self, pull: ServedPull, frame: Frame, now: Instant) -> bool:
-        """Pass a frame to the pull, and report its end; False if the frame is none of a sync."""
+    def _take(self, pull: ServedPull, frame: Frame, now: Instant) -> None:
+        """Pass a frame to the pull, and report its end; a damaged frame is ignored."""
         before = pull.sender.state
-        taken = pull.sender.take(frame)
+        if not pull.sender.take(frame):
+            self.peer.log.refuse("a damaged frame of a sync")
         match pull.sender.state:
             case state if state is before:
                 pass
@@ -277,7 +279,6 @@ class Server:
                 self._report_end(pull, now)
             case SendState.OVER if before is not SendState.FOLLOWED:
                 self._end(pull, now, complete=before is not SendState.CUT_SHORT)
-        return taken
 
     def _rejection(self, request_id: bytes) -> bytes | None:
         """The reply on the connection of a rejected sync."""
@@ -334,3 +335,8 @@ class Server:
         self.peer.connection.unshare()
         self._past.append(pull.id)
         self._flows.close()
+
+
+def _received(flow: Flow, packet: bytes, now: Instant) -> list[bytes]:
+    """The new frames of a datagram, without padding."""
+    return [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]

@@ -296,6 +296,29 @@ def test_a_damaged_opening_is_not_answered_as_an_original_node_does_it(server, i
     assert io.request(b"GHEAD") is None
 
 
+@pytest.mark.parametrize("code", [b"SYNC1" + PLENTY, b"SYNCF"])
+@pytest.mark.parametrize("damaged", [b"", b"garbage", bytes(40)])
+def test_a_damaged_frame_of_a_running_sync_is_ignored(server, io, database, code, damaged):
+    """An error reply would mean that the sync is unknown, and the peer would abort it."""
+    io.open()
+    assert io.request(code + damaged) is None
+    assert server.peer.log.take_refusals() == ["a damaged frame of a sync"]
+    io.read()
+    assert io.got == all_of(database)
+    assert io.receiver.complete
+
+
+def test_padding_that_comes_after_the_opening_is_no_damage(server, io):
+    """After an opening that nearly fills it, the padding takes a packet of its own."""
+    io.cast(at(0))
+    io.outbox.append(bytes(20))
+    io.pass_on(at(0.01))
+    assert server.peer.log.take_refusals() == []
+    io.outbox.append(b"garbage")
+    io.pass_on(at(0.02))
+    assert server.peer.log.take_refusals() == ["a damaged frame of a sync"]
+
+
 def test_another_version_of_the_sync(server, io):
     opening = b"\x07" + Open(1, 0, Have(())).encode()[1:]
     (frame,) = message_frames(OPEN, 0, opening, 1000)
