@@ -56,7 +56,7 @@ class Server:
         self._flows = Flows(peer)  # of datagrams; the current one is of the newest sync
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of past syncs
         self._ended_s = 0.0  # when the last sync ended, steady seconds
-        self._rejected: tuple[bytes, Reception] | None = None  # the last rejected sync
+        self._rejected: bytes | None = None  # id of the last rejected sync
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
         self._contact_s = 0.0  # when the radio last reported a new contact, steady seconds
 
@@ -216,7 +216,7 @@ class Server:
         pull = ServedPull(self.peer, request_id, now.steady_s, self._flows)
         if not pull.sender.open(argument[GRANT.size :]):
             # After an error reply the peer would take us for an original node.
-            self._rejected = (request_id, Reception.UNREADABLE)
+            self._rejected = request_id
             return
         pull.connection.begin(route)
         pull.connection.grant(argument[: GRANT.size])
@@ -282,9 +282,10 @@ class Server:
 
     def _rejection(self, request_id: bytes) -> bytes | None:
         """The reply on the connection of a rejected sync."""
-        if self._rejected is None or self._rejected[0] != request_id:
+        if self._rejected != request_id:
             return None
-        hello = Hello(self._rejected[1], self.peer.node.config_hash)
+        node = self.peer.node
+        hello = Hello(Reception.UNREADABLE, node.config_hash, boot_id=node.boot_id)
         return request_id + message_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
     def _reject(self, pull: ServedPull, now: Instant) -> None:
@@ -292,7 +293,7 @@ class Server:
         self._pull = None
         self._past.append(pull.id)
         self._ended_s = now.steady_s
-        self._rejected = (pull.id, Reception.UNREADABLE)
+        self._rejected = pull.id
         reason = f"{self.peer.name} uses another version of the sync; install the same release"
         self.peer.log.timed_out(Direction.OUT, reason, now)
 

@@ -191,10 +191,14 @@ def io(server) -> PullingPeer:
     return PullingPeer(server)
 
 
+def hello(reply: bytes) -> Hello:
+    assert reply[:ID_BYTES] == b"ididid"
+    return Hello.decode(MessageAssembler(HELLO).take(reply[ID_BYTES:]).content)
+
+
 def reception(reply: bytes) -> Reception:
     """How an opening was taken."""
-    assert reply[:ID_BYTES] == b"ididid"
-    return Hello.decode(MessageAssembler(HELLO).take(reply[ID_BYTES:]).content).reception
+    return hello(reply).reception
 
 
 def all_of(database: Database) -> dict[Header, bytes]:
@@ -290,6 +294,7 @@ def test_a_damaged_opening_is_not_answered_as_an_original_node_does_it(server, i
     """Who begins so is a new node, and gets UNREADABLE; it must not go on with ids."""
     reply = io.request(b"SYNC1" + rest)
     assert reception(reply) is Reception.UNREADABLE
+    assert hello(reply).boot_id == server.peer.node.boot_id
     io.receiver.receive(reply[ID_BYTES:], at(0))
     assert "could not read how we began" in io.receiver.rejection
     assert take_events(server) == []
