@@ -7,8 +7,6 @@ from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
 from mocha_link.store import (
-    UNSAFE_MS,
-    WRAP_MS,
     Header,
     PayloadError,
     Record,
@@ -159,15 +157,17 @@ class Intake:
                 self._reassembly.drop(message_id)
 
     def _is_impossible(self, message_id: int) -> bool:
-        """Whether a message has unknown ids or an impossible time; records the refusal."""
-        stamp_ms = message_id & wire.STAMP_MASK
-        taken = wire.is_taken(stamp_ms, self._now.unix_s)
-        safe = taken and stamp_ms % WRAP_MS > UNSAFE_MS
-        key = message_id >> 48
-        if safe and key in self._topics and self._peer.agreement.exchanges(key):
-            return False
-        robot_id, topic_id = divmod(message_id >> 48, 256)
-        why = impossibility(self._peer.node.team, robot_id, topic_id, stamp_ms, self._now.unix_s)
+        """Whether a message is not the team's, or not exchanged; records the refusal."""
+        peer, key, stamp_ms = self._peer, message_id >> 48, message_id & wire.STAMP_MASK
+        why = impossibility(peer.node.team, *divmod(key, 256), stamp_ms, self._now.unix_s)
+        if why is None:
+            if peer.agreement.exchanges(key):
+                return False
+            robot, topic = self._topics[key]
+            why = (
+                f"{topic.name} of {robot.name} is not exchanged with {peer.name}; "
+                "use the same team file everywhere"
+            )
         self._refuse(f"message {message_id:016x}: {why}")
         return True
 

@@ -269,7 +269,7 @@ def hello(*fields: object) -> bytes:
 
 
 @pytest.mark.parametrize("reception", [Reception.WELCOME, Reception.TOPICS_WANTED])
-def test_who_sends_another_config_hash_hands_us_nothing(reception):
+def test_who_sends_another_config_hash_hands_us_nothing(reception, caplog):
     """Not even if it goes on as if they were ours."""
     field = Field(TEAM)
     publisher = NetworkSim(TEAM, names=("a", "b"))
@@ -279,3 +279,4 @@ def test_who_sends_another_config_hash_hands_us_nothing(reception):
     chunks = b"".join(sync.chunks_parts((0, 0), [whole], [], [record.body]))
     answers(field, hello(reception, 12345), chunks)
     assert not field.nodes["a"].database.kept()
+    assert "/pose of b is not exchanged with b; use the same team file everywhere" in caplog.text
