@@ -48,7 +48,6 @@ class Flow:
         token: identifies the flow.
         alive_s: when the last packet was received.
         refused: received packets that were invalid.
-        repeated: received packets whose frames had arrived before.
     """
 
     def __init__(  # noqa: PLR0913 - the options of a flow
@@ -67,7 +66,6 @@ class Flow:
         self.token = token
         self.alive_s: float | None = None
         self.refused = 0
-        self.repeated = 0
         self._source = source
         self._packet = packet_bytes  # bytes of a full packet
         self._address = AddressProof(proven=proven)
@@ -159,10 +157,7 @@ class Flow:
         self._silence.end(now_s)
         self._contact_s = None
         self._blind = False
-        if self._arrivals.take(parsed, now_s):
-            return parsed.frames
-        self.repeated += bool(parsed.frames)
-        return []
+        return parsed.frames if self._arrivals.take(parsed, now_s) else []
 
     def _acknowledged(self, ack: wire.Ack, now_s: float) -> None:
         stamps, newest = self._outbox.acknowledged(ack)
