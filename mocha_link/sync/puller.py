@@ -235,7 +235,7 @@ class Puller:
         """Follow the peer after a pull; None: stop following."""
         node = self.peer.node
         robot_id = node.team.robot(self.peer.name).robot_id
-        node.reassembly.brings_no_more(self.peer.name)
+        node.reassembly.release(self.peer.name)
         self.followed = pull
         if pull:
             node.followed.add(robot_id)
