@@ -20,7 +20,7 @@ from mocha_link.datagram.packet import (
     LENGTH_BYTES,
     MAX_MASK,
 )
-from mocha_link.datagram.silence import QUIET_S, Silence, deviation_s
+from mocha_link.datagram.silence import DOWN_MARGIN_S, Silence, deviation_s
 
 PACKET_BYTES = 1_400  # MTU of 1,500 - 20 for IP - 8 for UDP - 40 for a seal, with a margin
 PIGGYBACK_BYTES = 16  # of an acknowledgement in a data packet; a longer one gets its own packet
@@ -189,7 +189,7 @@ class Flow:
         """Note that a contact begins: send at once."""
         self._hello = True
         rtt_s = self._pacing.rtt.smoothed_s or UNKNOWN_RTT_S
-        if self.alive_s is not None and now_s < self.alive_s + rtt_s + QUIET_S:
+        if self.alive_s is not None and now_s < self.alive_s + rtt_s + DOWN_MARGIN_S:
             return
         if self._contact_s is not None and now_s < self._contact_s + CONTACT_REPEAT_S:
             return

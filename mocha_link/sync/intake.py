@@ -19,7 +19,7 @@ from mocha_link.sync.holdings import Holdings
 from mocha_link.sync.peer import Peer, check_type
 from mocha_link.sync.protocol import Frame
 
-MAX_GIVEN = 65_536
+MAX_RECEIVED_IDS = 65_536
 _SKIP_BYTES = 4_096  # a SKIP is sent only if it saves more than this
 _MAX_BEGUN = 1_024
 _MAX_FAILED = 1_024
@@ -36,14 +36,16 @@ class Intake:
 
     Attributes:
         messages: the number of stored messages.
-        given: ids of messages that the peer sent before the pull ended.
+        received_ids: ids of messages that the peer sent before the pull ended.
         flawed: the round lacks messages that may be requested again.
         hopeless: some message cannot be received intact in this pull.
     """
 
-    def __init__(self, peer: Peer, holdings: Holdings, *, remembered: int = MAX_GIVEN) -> None:
+    def __init__(
+        self, peer: Peer, holdings: Holdings, *, remembered: int = MAX_RECEIVED_IDS
+    ) -> None:
         self.messages = 0
-        self.given: set[int] = set()
+        self.received_ids: set[int] = set()
         self.flawed = False
         self.hopeless = False
         self._peer = peer
@@ -71,7 +73,7 @@ class Intake:
         self._skipped.clear()
 
     def end(self) -> None:
-        """End the pull: later messages are pushed, and are not added to `given`."""
+        """End the pull: later messages are pushed, and are not added to `received_ids`."""
         self._remembered = 0
 
     def refuse_frame(self, error: SyncFrameError) -> None:
@@ -145,8 +147,8 @@ class Intake:
             now_s = self._now.unix_s
             record = Record(header, topic.priority, body, stamp_ms, now_s, trailer is None)
             peer.holdings.add(message_id)
-            if len(self.given) < self._remembered:
-                self.given.add(message_id)
+            if len(self.received_ids) < self._remembered:
+                self.received_ids.add(message_id)
             try:
                 self.messages += peer.store(known, record, trailer)
             except PayloadError as error:  # intact: a repetition would be refused as well

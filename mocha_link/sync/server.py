@@ -22,7 +22,7 @@ from mocha_link.sync.protocol import (
     GHEAD,
     ID_BYTES,
     LINGER_S,
-    PATIENCE_S,
+    REQUEST_PATIENCE_S,
     SERRM,
     SYNC1,
     SYNCC,
@@ -171,7 +171,7 @@ class Server:
         if pull:
             pull.fall_back_to_tcp(now)
             if pull.is_silent(now):
-                self._break_off(pull, f"the peer sent nothing for {PATIENCE_S:g} s", now)
+                self._break_off(pull, f"the peer sent nothing for {REQUEST_PATIENCE_S:g} s", now)
         elif self._flows.current and now.steady_s - self._ended_s > LINGER_S:
             self._flows.close()
 

@@ -10,7 +10,7 @@ from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import SyncFrameError, read_chunks
 from mocha_link.sync.holdings import Holdings
-from mocha_link.sync.intake import MAX_GIVEN, Intake
+from mocha_link.sync.intake import MAX_RECEIVED_IDS, Intake
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import Frame
 from mocha_link.sync.sync_messages import Digest, Done, Have, Reception, Since
@@ -87,7 +87,7 @@ class SyncReceiver:
     """
 
     def __init__(
-        self, peer: Peer, *, budget: int = 0, room: int = ROOM, remembered: int = MAX_GIVEN
+        self, peer: Peer, *, budget: int = 0, room: int = ROOM, remembered: int = MAX_RECEIVED_IDS
     ) -> None:
         self.over = False
         self.follows = False
@@ -215,7 +215,7 @@ class SyncReceiver:
                 f"we {sync_messages.VERSION}; install the same release on both"
             )
         elif hello.reception is Reception.UNREADABLE:
-            self.rejection = f"{peer.name} could not read how we began; damaged on its way"
+            self.rejection = f"{peer.name} could not decode our OPEN; it was damaged"
         elif (
             not peer.agreement.compare(hello.config_hash)
             or hello.reception is Reception.TOPICS_WANTED
@@ -255,7 +255,7 @@ class SyncReceiver:
         is_sound = not (flawed or done.cut_short)
         self.complete = is_sound and not left
         if self.complete and not peer.agreement.config_mismatch:  # with one not all was offered
-            own_sequence = self._holdings.unannounced_since(intake.given)
+            own_sequence = self._holdings.unannounced_since(intake.received_ids)
             knowledge = Knowledge(done.epoch, done.sequence, own_sequence)
             if knowledge != node.database.knowledge(peer.name):
                 node.database.learn(peer.name, knowledge)

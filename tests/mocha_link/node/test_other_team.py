@@ -238,7 +238,7 @@ def test_a_damaged_opening_does_not_make_it_an_original_node(other):
         field.pull("a", "b")
     assert not field.nodes["a"].database.kept()
     (reason,) = {e.reason for e in field.events_of("a", SyncTimedOut)}
-    assert reason == "b could not read how we began; damaged on its way"
+    assert reason == "b could not decode our OPEN; it was damaged"
 
 
 def test_a_foreign_node_is_not_taken_for_an_original_one_at_the_first_error(other):

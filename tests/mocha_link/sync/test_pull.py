@@ -10,7 +10,7 @@ from benchmarks.fleet.network_sim import Carried, NetworkSim, pair_of, pulling
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node.gossip import TIMEOUT_S, Gossip
 from mocha_link.sync.peer_path import MAX_MISSES, RETRY_EVERY
-from mocha_link.sync.protocol import PATIENCE_S, Connect
+from mocha_link.sync.protocol import REQUEST_PATIENCE_S, Connect
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import noise
 from tests.mocha_link.old_node import OldNode
@@ -187,7 +187,7 @@ def test_datagrams_that_carry_nothing_are_given_up_for_a_while(team):
     for _ in range(MAX_MISSES + 2 * RETRY_EVERY):
         net.carried.clear()
         net.pull("io", "titan")
-        net.wait(PATIENCE_S)  # until then it takes what begins anew for a copy
+        net.wait(REQUEST_PATIENCE_S)  # until then it takes what begins anew for a copy
         tried.append(bool(net.sent(*UP)))
     assert tried[:MAX_MISSES] == [True] * MAX_MISSES
     assert tried.count(True) == MAX_MISSES + 2

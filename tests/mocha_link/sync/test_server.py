@@ -26,7 +26,7 @@ from mocha_link.sync.frames import (
     message_frames,
     read_chunks,
 )
-from mocha_link.sync.protocol import DIALLED, ID_BYTES, PATIENCE_S, Standing
+from mocha_link.sync.protocol import DIALLED, ID_BYTES, REQUEST_PATIENCE_S, Standing
 from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
@@ -296,7 +296,7 @@ def test_a_damaged_opening_is_not_answered_as_an_original_node_does_it(server, i
     assert reception(reply) is Reception.UNREADABLE
     assert hello(reply).boot_id == server.peer.node.boot_id
     io.receiver.receive(reply[ID_BYTES:], at(0))
-    assert "could not read how we began" in io.receiver.rejection
+    assert "could not decode our OPEN" in io.receiver.rejection
     assert take_events(server) == []
     assert io.request(b"GHEAD") is None
 
@@ -375,12 +375,12 @@ def test_a_new_pull_replaces_the_one_before(server, io, database):
 def test_silence_ends_a_sync(server, io):
     io.open()
     io.drain(at(0))
-    server.tick(at(PATIENCE_S))
+    server.tick(at(REQUEST_PATIENCE_S))
     assert [type(event) for event in take_events(server)] == [SyncStarted]
-    server.tick(at(PATIENCE_S + 0.1))
+    server.tick(at(REQUEST_PATIENCE_S + 0.1))
     (broken,) = take_events(server)
     assert broken == SyncTimedOut(
-        "io", NOW_S + PATIENCE_S + 0.1, OUT, "the peer sent nothing for 13 s"
+        "io", NOW_S + REQUEST_PATIENCE_S + 0.1, OUT, "the peer sent nothing for 13 s"
     )
     server.tick(at(60))
     assert take_events(server) == []
