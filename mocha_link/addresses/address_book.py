@@ -1,12 +1,12 @@
 """Which addresses a peer may have, and in which order to try them.
 
-1. What the team file has: an address, or the addresses of a host name.
-2. Without that, what the robot announces by mDNS.
-3. Behind these, where the peer was reached before, and where its own connections and datagrams
-   come from: it may have moved. With keys these are addresses of the peer for sure. Without keys
-   anyone can come in its name, so they are only tried where the others fail.
+1. *Stated* addresses: of the team file, as a number or a host name, or else of the robot's mDNS.
+2. Then those where the peer was reached before, and those its connections and datagrams came from,
+   as it may have moved. With keys these are certainly the peer's. Without keys anyone can claim to
+   be the peer, so they are tried only where the stated ones fail.
 
-An address is only where to try: with keys, what does not prove the peer's key there is not it.
+With keys an address decides nothing: a connection is used only if its other end proves the peer's
+key.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ class AddressBook:
         self._failed: dict[str, dict[str, None]] = {}  # by peer: addresses, the oldest first
 
     def hosts(self, peer: str) -> list[str]:
-        """The addresses to try, the first one first; empty: none is known (yet), see `failure`."""
+        """The addresses to try, in this order; empty: none is known (yet), see `failure`."""
         stated = self._stated(peer)
         seen = [host for host in self._seen(peer) if host not in stated]
         failed = list(self._failed.get(peer, ()))
         tries = [*stated, *seen]
-        if len(stated) != 1:  # the one of the team file stays the first
+        if len(stated) != 1:  # a single stated address stays first, even if it has failed
             tries.sort(key=lambda host: failed.index(host) + 1 if host in failed else 0)
         return tries[:MAX_TRIED]
 
     def _stated(self, peer: str) -> tuple[str, ...]:
-        """What the team file has, or else mDNS."""
+        """The addresses of the team file, or else of mDNS."""
         address = self._team.robot(peer).address
         if address is None:
             return self._mdns.hosts(peer) if self._mdns else ()
@@ -62,17 +62,18 @@ class AddressBook:
         return [host for host, at_s in reversed(seen.items()) if now_s - at_s < SEEN_S]
 
     def is_at(self, peer: str, host: str) -> bool:
-        """Whether an address is one of a peer, as far as that is known."""
+        """Whether an address is stated for a peer, or the peer was seen there recently."""
         return host in self._stated(peer) or host in self._seen(peer)
 
     def is_stated(self, peer: str, host: str) -> bool:
-        """Whether an address is what the team file, its host name or mDNS has for a peer."""
+        """Whether an address is the peer's by the team file, its host name there, or mDNS."""
         return host in self._stated(peer)
 
     def is_trusted(self, peer: str, host: str) -> bool:
-        """Whether an address is not one that only who comes in the peer's name has shown.
+        """Whether an address may be used for a peer that has not replied from there yet.
 
-        With keys it does not matter who has named an address.
+        With keys any may: nobody else can reply as the peer. Without keys only a stated one:
+        others come from whoever has claimed to be the peer.
         """
         return peer in self._protected or self.is_stated(peer, host)
 
@@ -84,22 +85,22 @@ class AddressBook:
         return None if address is None else self._resolver.failure(address)
 
     def came_from(self, peer: str, host: str) -> bool:
-        """A peer came from an address; whether that is a new one, so that it may have moved.
+        """Note the source address of a peer; whether it is a new one: the peer may have moved.
 
-        Without keys a stranger may claim to be the peer.
+        Without keys it may be the address of a stranger who claims to be the peer.
         """
         known = self.is_at(peer, host)
         self._note(peer, host)
         return not known
 
     def reached(self, peer: str, host: str) -> None:
-        """A peer was reached at an address."""
+        """Note that a peer was reached at an address."""
         self._failed.get(peer, {}).pop(host, None)
         if peer in self._protected or self.is_stated(peer, host):
             self._note(peer, host)
 
     def failed(self, peer: str, host: str | None = None) -> None:
-        """A contact failed, at an address perhaps: others come first, a name is resolved anew."""
+        """Note a failure, if known of one address: others come first, a name is resolved anew."""
         if host is not None:
             failed = self._failed.setdefault(peer, {})
             failed.pop(host, None)

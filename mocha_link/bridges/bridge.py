@@ -30,7 +30,7 @@ from mocha_link.service import (
 WAIT_S = 1.0  # of a request for new messages
 DRAIN_S = 30.0  # at its end the bridge publishes queued messages while the node replies
 PAUSE_S = 0.5  # before a request to an absent node is repeated
-QUIET_S = 20.0  # silence of a topic until a warning
+QUIET_TOPIC_S = 20.0  # silence of a topic until a warning
 MAX_QUEUED = 1000  # messages of the robot that wait for the node
 MAX_QUEUED_BYTES = 64 * 1024 * 1024
 JSON_PACKAGE = "json/"
@@ -137,7 +137,7 @@ class Bridge:
             self._subscribe(team)
             outgoing = threading.Thread(target=self._send, name="bridge out", daemon=True)
             outgoing.start()
-            quiet_s = self._clock() + QUIET_S
+            quiet_s = self._clock() + QUIET_TOPIC_S
             LOG.info("ready: the bridge of %s", team["robot"])
             try:
                 self._follow(client, team, quiet_s)

@@ -13,8 +13,14 @@ from mocha_link.datagram import packet as wire
 from mocha_link.datagram.address_proof import AddressProof
 from mocha_link.datagram.outbox import Outbox
 from mocha_link.datagram.pacing import AHEAD_S, UNKNOWN_RTT_S, Pacing
-from mocha_link.datagram.packet import ACK_BYTES, DATA_BYTES, LENGTH_BYTES, MAX_MASK
-from mocha_link.datagram.silence import QUIET_S, Silence, deviation_s
+from mocha_link.datagram.packet import (
+    ACK_BYTES,
+    ALONE_BYTES,
+    DATA_BYTES,
+    LENGTH_BYTES,
+    MAX_MASK,
+)
+from mocha_link.datagram.silence import DOWN_MARGIN_S, Silence, deviation_s
 
 PACKET_BYTES = 1_400  # MTU of 1,500 - 20 for IP - 8 for UDP - 40 for a seal, with a margin
 PIGGYBACK_BYTES = 16  # of an acknowledgement in a data packet; a longer one gets its own packet
@@ -42,7 +48,6 @@ class Flow:
         token: identifies the flow.
         alive_s: when the last packet was received.
         refused: received packets that were invalid.
-        repeated: received packets whose frames had arrived before.
     """
 
     def __init__(  # noqa: PLR0913 - the options of a flow
@@ -61,7 +66,6 @@ class Flow:
         self.token = token
         self.alive_s: float | None = None
         self.refused = 0
-        self.repeated = 0
         self._source = source
         self._packet = packet_bytes  # bytes of a full packet
         self._address = AddressProof(proven=proven)
@@ -153,10 +157,7 @@ class Flow:
         self._silence.end(now_s)
         self._contact_s = None
         self._blind = False
-        if self._arrivals.take(parsed, now_s):
-            return parsed.frames
-        self.repeated += bool(parsed.frames)
-        return []
+        return parsed.frames if self._arrivals.take(parsed, now_s) else []
 
     def _acknowledged(self, ack: wire.Ack, now_s: float) -> None:
         stamps, newest = self._outbox.acknowledged(ack)
@@ -188,7 +189,7 @@ class Flow:
         """Note that a contact begins: send at once."""
         self._hello = True
         rtt_s = self._pacing.rtt.smoothed_s or UNKNOWN_RTT_S
-        if self.alive_s is not None and now_s < self.alive_s + rtt_s + QUIET_S:
+        if self.alive_s is not None and now_s < self.alive_s + rtt_s + DOWN_MARGIN_S:
             return
         if self._contact_s is not None and now_s < self._contact_s + CONTACT_REPEAT_S:
             return
@@ -219,9 +220,7 @@ class Flow:
         self._hello = False
         due_s = self._arrivals.due_s
         if due_s is not None and due_s <= now_s:
-            packet = wire.only_ack(self.token, self._arrivals.acknowledge(now_s))
-            self._address.bytes_out += len(packet)
-            out.append(packet)
+            self._acknowledge(now_s, out)
         return out
 
     def unacknowledged(self) -> list[bytes]:
@@ -232,6 +231,17 @@ class Flow:
     def _probe(self, content: int | None, now_s: float, out: list[bytes]) -> None:
         if self._quota() >= self._packet:
             out.append(self._send(content, now_s))
+
+    def _acknowledge(self, now_s: float, out: list[bytes]) -> None:
+        """Send an acknowledgement alone, if the quota of the peer's address allows it."""
+        room = self._address.quota - ALONE_BYTES
+        ack = self._arrivals.acknowledge(now_s, min(room, MAX_MASK))
+        if not ack:
+            self._arrivals.defer()  # the peer's next packet allows more bytes, and makes one due
+            return
+        packet = wire.only_ack(self.token, ack)
+        self._address.bytes_out += len(packet)
+        out.append(packet)
 
     def _quota(self) -> int:
         """How many more bytes may be sent."""
@@ -277,7 +287,8 @@ class Flow:
         body = b"" if content is None else outbox.body(content)
         ack = b""
         if arrivals.waiting or (arrivals.count and not body):
-            room = self._packet - DATA_BYTES - ACK_BYTES - len(body)
+            limit = min(self._packet, self._address.quota)
+            room = limit - DATA_BYTES - ACK_BYTES - len(body)
             ack = arrivals.acknowledge(now_s, min(room, MAX_MASK)) if room >= 0 else b""
         packet = wire.data(
             self.token,

@@ -25,6 +25,7 @@ _DATA = struct.Struct(">IH")
 _SHORT = struct.Struct(">H")
 _TICK_S = 0.0001
 ACK_BYTES = _ACK.size
+ALONE_BYTES = _PREFIX.size + ACK_BYTES  # of an acknowledgement alone, before its bits
 DATA_BYTES = _PREFIX.size + _DATA.size + _SHORT.size  # before the frames, at most
 LENGTH_BYTES = _SHORT.size
 
@@ -178,6 +179,10 @@ class Arrivals:
             return False
         self._seen |= 1 << place
         return True
+
+    def defer(self) -> None:
+        """Let no acknowledgement be due before the next packet is received."""
+        self.due_s = None
 
     def acknowledge(self, now_s: float, room: int = MAX_MASK) -> bytes:
         """An acknowledgement for a packet that is sent now; empty if it does not fit.

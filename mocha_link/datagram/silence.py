@@ -6,7 +6,7 @@ from mocha_link.datagram.pacing import UNKNOWN_RTT_S, RoundTrip
 from mocha_link.datagram.packet import ACK_DELAY_S
 
 GRANULARITY_S = 0.01
-QUIET_S = 0.15  # the link is down after two round trips and this time without a packet
+DOWN_MARGIN_S = 0.15  # the link is down after two round trips and this time without a packet
 PROBE_S = 0.1  # the first interval between probes then; it grows
 PROBE_GROWTH = 1.5
 MAX_PROBE_S = 1.0
@@ -47,7 +47,7 @@ class Silence:
         if self.down:
             return self._sent_s + self._every_s
         rtt_s = rtt.smoothed_s or UNKNOWN_RTT_S
-        down_s = self._since_s + 2 * rtt_s + 4 * rtt.deviation_s + QUIET_S
+        down_s = self._since_s + 2 * rtt_s + 4 * rtt.deviation_s + DOWN_MARGIN_S
         if self._probes:
             return down_s
         tail_s = max(self._since_s, self._sent_s) + rtt_s + deviation_s(rtt) + ACK_DELAY_S

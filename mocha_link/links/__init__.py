@@ -5,7 +5,7 @@ from mocha_link.lazy import door
 __getattr__, __dir__, __all__ = door(
     __name__,
     {
-        "link_table": ("LinkTable", "QUIET_S", "throughput_bytes_s"),
+        "link_table": ("LinkTable", "QUIET_CONTACT_S", "throughput_bytes_s"),
         "metrics": (
             "Contact",
             "ContactBegan",

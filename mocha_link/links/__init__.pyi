@@ -1,6 +1,6 @@
 # What `mocha_link.links` gives, for type checkers; `__init__.py` has the module of each.
 
-from mocha_link.links.link_table import QUIET_S as QUIET_S
+from mocha_link.links.link_table import QUIET_CONTACT_S as QUIET_CONTACT_S
 from mocha_link.links.link_table import LinkTable as LinkTable
 from mocha_link.links.link_table import throughput_bytes_s as throughput_bytes_s
 from mocha_link.links.metrics import Contact as Contact

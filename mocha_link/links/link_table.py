@@ -1,4 +1,4 @@
-"""What becomes of the links: their metrics, kept from what happens on them."""
+"""The metrics of all links of a node, from the events on them."""
 
 from __future__ import annotations
 
@@ -28,39 +28,39 @@ from mocha_link.links.metrics import (
 from mocha_link.links.reading import Unit, as_reading
 from mocha_link.logs import NodeLog
 
-SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
+SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as in TCP
 MAX_CONTACTS = 32
-QUIET_S = 25.0  # longer than pulls are apart
-LEAST_BYTES = 16 * 1024  # smaller syncs do not measure the link,
-LEAST_ROUNDS = 2  # nor do those that are over in fewer round trips
-STEP_S = 0.1  # by so much a clock is set at least; less is how finely it is read
-REMIND_S = 600.0  # so often the log repeats that a peer has another team file
+QUIET_CONTACT_S = 25.0  # a contact without a radio ends so long after its last exchange
+LEAST_BYTES = 16 * 1024  # smaller syncs do not measure the rate of the link
+LEAST_ROUNDS = 2  # syncs of fewer round trips do not measure it either
+STEP_S = 0.1  # a smaller step of the clock is the inaccuracy of reading it
+REMIND_S = 600.0  # the log repeats a fault of a peer after this time
 
 
 @dataclass(slots=True)
 class _LinkRecord:
-    """What is known of one link."""
+    """The state of one link."""
 
-    metrics: LinkMetrics  # without the counters here, ages, and the present contact
+    metrics: LinkMetrics  # without the counters below, ages, and the current contact
     bytes_in: int = 0
     bytes_out: int = 0
     refused: int = 0
-    # messages and bytes since the contact before, by the names that `Contact` has for them
+    # messages and bytes since the previous contact, by their names in `Contact`
     exchanged: Counter[str] = field(default_factory=Counter)
-    warned_s: float | None = None  # steady time when another team file was logged last
-    began_s: float | None = None  # of the contact that lasts
+    warned_s: float | None = None  # when a fault of the peer was logged last, steady seconds
+    began_s: float | None = None  # of the current contact; None: out of contact
     by_radio: bool = False  # the radio has begun it, and will end it
     active_s: float = 0.0  # Unix time of the last event
 
-    def is_to_be_reminded(self, now: Instant) -> bool:
-        """Whether the log has not had for a while that a peer does not fit; it has now."""
-        recently = self.warned_s is not None and now.steady_s - self.warned_s <= REMIND_S
-        if not recently:
-            self.warned_s = now.steady_s
-        return not recently
+    def warn(self, log: NodeLog, now: Instant, text: str, *values: object) -> None:
+        """Log a fault of the peer as a warning, unless one was logged recently."""
+        if self.warned_s is not None and now.steady_s - self.warned_s <= REMIND_S:
+            return
+        self.warned_s = now.steady_s
+        log.warning(text, *values)
 
     def set_state(self, direction: Direction, state: LinkState, **more: Any) -> None:
-        """A sync of one direction stands otherwise, and `more` of the metrics does."""
+        """Change the state of the syncs in one direction, and `more` of the metrics."""
         now = self.metrics
         state_in = state if direction is Direction.IN else now.state_in
         state_out = state if direction is Direction.OUT else now.state_out
@@ -69,14 +69,14 @@ class _LinkRecord:
         self.metrics = replace(now, state=both, state_in=state_in, state_out=state_out, **more)
 
     def begin(self, at_s: float, *, by_radio: bool) -> None:
-        """The peer is within reach."""
+        """Note that the peer is within reach."""
         self.active_s = at_s
         self.by_radio = self.by_radio or by_radio
         if self.began_s is None:
             self.began_s = at_s
 
     def end(self, at_s: float, ending: str) -> None:
-        """The peer is out of reach."""
+        """End the contact: the peer is out of reach."""
         if self.began_s is not None:  # the clock may have been set back since
             self.began_s = min(self.began_s, at_s)
         before, self.metrics = self.metrics, self.with_contact(at_s, ending)
@@ -85,9 +85,9 @@ class _LinkRecord:
         self.began_s, self.by_radio = None, False
 
     def with_contact(self, ended_s: float | None = None, ending: str = "") -> LinkMetrics:
-        """The metrics with the contact that lasts, as one that ends so.
+        """The metrics with the current contact, ended at that time; None: it lasts.
 
-        A try that brings nothing is none.
+        Without a radio a contact counts only if anything was exchanged in it.
         """
         now, some = self.metrics, self.exchanged
         if self.began_s is None or not (self.by_radio or any(some.values())):
@@ -99,14 +99,14 @@ class _LinkRecord:
         return replace(now, contacts=contacts, contacts_begun=now.contacts_begun + 1)
 
     def close_if_quiet(self, now_s: float, quiet_s: float) -> None:
-        """End a contact that only exchanges have shown when there are none any more."""
+        """End a contact that no radio has reported `quiet_s` after its last exchange."""
         idle = self.metrics.state is not LinkState.STARTED and not self.by_radio
         if idle and now_s - self.active_s > quiet_s:
             self.end(self.active_s, "quiet")
 
 
 def throughput_bytes_s(size: int, taken_s: float, rtt_s: float | None) -> float | None:
-    """Bytes per second that a sync moved; None if it was too small to measure."""
+    """The rate of a sync in bytes/s; None if it was too small to measure the link."""
     if size < LEAST_BYTES or taken_s <= 0 or taken_s < LEAST_ROUNDS * (rtt_s or 0.0):
         return None
     return size / taken_s
@@ -117,7 +117,7 @@ class LinkTable:
 
     Args:
         name: the robot of the node.
-        quiet_s: a contact that only exchanges have shown is over so long after the last one.
+        quiet_s: a contact that no radio has reported ends so long after its last exchange.
         protected: peers to which the links are encrypted.
     """
 
@@ -126,7 +126,7 @@ class LinkTable:
         peers: Iterable[str],
         name: str = "",
         *,
-        quiet_s: float = QUIET_S,
+        quiet_s: float = QUIET_CONTACT_S,
         protected: Container[str] = (),
     ) -> None:
         self._name = name
@@ -134,13 +134,13 @@ class LinkTable:
             peer: _LinkRecord(LinkMetrics(peer, protected=peer in protected)) for peer in peers
         }
         self._quiet_s = quiet_s
-        self._offset_s = 0.0  # of Unix time from what intervals are counted in
+        self._offset_s = 0.0  # Unix time minus the time of the interval timers
 
     def update(self, event: LinkEvent) -> None:
-        """Take in an event."""
+        """Process an event."""
         link = self._links.get(event.peer)
         if link is None:
-            return  # our own message, our own disk
+            return  # of our own message or disk
         match event:
             case SyncStarted():
                 link.close_if_quiet(event.at_s, self._quiet_s)
@@ -159,7 +159,7 @@ class LinkTable:
                 link.metrics = replace(link.metrics, signal=signal, rssi_dbm=rssi_dbm)
             case MessageStored():
                 link.exchanged["messages_in"] += 1
-                link.active_s = event.at_s  # pushed, perhaps, by a peer that is pulled from rarely
+                link.active_s = event.at_s  # a peer that pushes is pulled from rarely
             case ContactBegan():
                 link.close_if_quiet(event.at_s, self._quiet_s)
                 link.begin(event.at_s, by_radio=True)
@@ -167,7 +167,7 @@ class LinkTable:
                 link.end(event.at_s, event.reason)
 
     def catch_up(self, events: Iterable[LinkEvent], now: Instant) -> None:
-        """Take in events of just now, of which the clock may have been set after some."""
+        """Process the latest events; the clock may have been set after some of them."""
         step_s = self.keep_clock(now)
         for event in events:
             if step_s and abs(event.at_s - now.unix_s) > abs(step_s) / 2:
@@ -175,9 +175,9 @@ class LinkTable:
             self.update(event)
 
     def keep_clock(self, now: Instant) -> float:
-        """Go by the clock as it is set now: contacts that last are as long as before.
+        """Follow a step of the clock, so that current contacts keep their duration.
 
-        Returns the seconds by which it was set; 0: it was not.
+        Returns the seconds by which the clock was set; 0: it was not.
         """
         step_s = now.unix_s - now.timer_s - self._offset_s
         if abs(step_s) < STEP_S:
@@ -204,25 +204,27 @@ class LinkTable:
         NodeLog(self._name, peer).log(level, "refused from %s: %s", peer, reason)
 
     def compare_teams(self, me: str, peer: str, now: Instant, why: str | None) -> None:
-        """Take in how the team file of a peer differs from that of `me`; None: it does not.
+        """Note how the team file of a peer differs from that of `me`; None: it does not.
 
-        Logged, and at times again.
+        A difference is logged, again after `REMIND_S`.
         """
         link = self._links[peer]
         link.metrics = replace(link.metrics, team_differs=why is not None)
-        if why is not None and link.is_to_be_reminded(now):
-            NodeLog(me, peer).warning("%s: %s", me, why)
+        if why is not None:
+            link.warn(NodeLog(me, peer), now, "%s: %s", me, why)
 
     def duplicate(self, me: str, peer: str, now: Instant, robot: str | None) -> None:
-        """Take in as which robot two processes run: the peer, or `me` by the peer's report.
+        """Note as which robot two processes run: as the peer, or as `me` by the peer's report.
 
-        None: as neither, or not any more.
+        None: as neither.
         """
         link = self._links[peer]
         if link.metrics.duplicate != (robot is not None):
             link.metrics = replace(link.metrics, duplicate=robot is not None)
-        if robot is not None and link.is_to_be_reminded(now):
-            NodeLog(me, peer).warning(
+        if robot is not None:
+            link.warn(
+                NodeLog(me, peer),
+                now,
                 "%s: two processes run as %s, by their boot ids%s; end one, or give each robot its "
                 "own name",
                 me,
@@ -238,7 +240,7 @@ class LinkTable:
         bandwidth_bytes_s: float | None = None,
         path: str | None = None,
     ) -> None:
-        """Take in what an exchange measured; None: nothing new."""
+        """Note the measurements of an exchange; None: not measured."""
         link, now = self._links[peer], self._links[peer].metrics
         smoothed_s = now.rtt_smoothed_s
         if rtt_s is not None:
@@ -260,8 +262,8 @@ class LinkTable:
     ) -> dict[str, LinkMetrics]:
         """The metrics of every link.
 
-        `now_s` ends contacts that have become quiet; `ages_s` is the age of the newest message by
-        robot and topic.
+        Contacts that are quiet at `now_s` end. `ages_s` is the age of the newest message by robot
+        and topic.
         """
         found: dict[str, LinkMetrics] = {}
         for peer, link in self._links.items():
@@ -284,7 +286,7 @@ def _ended(link: _LinkRecord, event: SyncEnded) -> None:
     now = link.metrics
     if event.direction is Direction.OUT:
         link.exchanged["messages_out"] += event.messages
-        # From the peer's first frame to its last: one round trip of that moved no data.
+        # The duration is from the peer's first frame to its last: no data moved in one round trip.
         moved_s = event.duration_s - (now.rtt_s or 0.0)
         rate = throughput_bytes_s(event.bytes, moved_s, now.rtt_s) or now.bandwidth_bytes_s
         link.set_state(

@@ -28,7 +28,7 @@ class SyncStarted:
 
 @dataclass(frozen=True, slots=True)
 class SyncEnded:
-    """A sync came to its end: `messages` messages in `bytes` bytes of replies.
+    """A sync ended: `messages` messages in `bytes` bytes of replies.
 
     `duration_s` is real time, also when the node's clock runs faster. `complete` is False if the
     contact's byte budget was used up before all was exchanged.
@@ -45,7 +45,7 @@ class SyncEnded:
 
 @dataclass(frozen=True, slots=True)
 class SyncTimedOut:
-    """A sync broke off; the messages that had arrived are kept."""
+    """A sync was aborted; the messages received until then are kept."""
 
     peer: str
     at_s: float
@@ -55,9 +55,9 @@ class SyncTimedOut:
 
 @dataclass(frozen=True, slots=True)
 class MessageStored:
-    """A message entered the database. `peer` handed it to us (our own name: we published it).
+    """A message was stored. It was received from `peer`; our own name: we published it.
 
-    `robot` made it; `size` is what it takes on the wire, in bytes.
+    `robot` published it first; `size` is its size on the wire, in bytes.
     """
 
     peer: str
@@ -131,7 +131,7 @@ LinkEvent = (
 
 
 class LinkState(enum.Enum):
-    """How the latest sync of a link stands."""
+    """The state of the latest sync of a link."""
 
     IDLE = "idle"
     STARTED = "started"
@@ -141,17 +141,17 @@ class LinkState(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """A time in which a peer was within reach, and what was exchanged in it.
+    """A period in which a peer was within reach, and what was exchanged in it.
 
     Attributes:
         began_s: when the signal became strong enough, or the first sync without such a signal.
-        ended_s: when it was over; None: it lasts.
-        messages_in: messages that the peer handed to us.
+        ended_s: when it ended; None: it lasts.
+        messages_in: messages received from the peer.
         messages_out: messages in the syncs that the peer completed.
-        bytes_in: bytes of replies received since the contact before.
-        bytes_out: bytes of replies sent since the contact before.
+        bytes_in: bytes of replies received since the previous contact.
+        bytes_out: bytes of replies sent since the previous contact.
         ending: how it ended: "too weak", "no signal", "the radio is silent" (by the
-            radio), "timed out" (a sync broke off), "quiet" (no more syncs); empty: it lasts.
+            radio), "timed out" (a sync was aborted), "quiet" (no more syncs); empty: it lasts.
     """
 
     began_s: float
@@ -171,27 +171,29 @@ class LinkMetrics:
         state: of the latest sync in either direction; STARTED while one is under way.
         state_in: of our latest pull from the peer.
         state_out: of the peer's latest pull from us.
-        last_sync_in_s: when our last pull came to its end.
-        last_sync_out_s: when the peer's last pull came to its end.
+        last_sync_in_s: when our last pull ended.
+        last_sync_out_s: when the peer's last pull ended.
         rtt_s: round trip of the connection in real seconds, without the time a node takes to reply:
-            the least that the kernel has seen of late (TCP, on Linux), or of our packets (UDP).
+            the lowest that the kernel has measured recently (TCP, on Linux), or of our packets
+            (UDP).
         rtt_smoothed_s: the same, smoothed over syncs.
-        bandwidth_bytes_s: what the last sync of either direction moved per real second, of those
-            with at least 16 KiB and two round trips.
+        bandwidth_bytes_s: rate of the last sync, in either direction, that had at least 16 KiB and
+            took two round trips; per real second.
         rssi_dbm: `signal` where that is in dBm.
-        bytes_in: bytes of replies received, complete pulls or not.
+        bytes_in: bytes of replies received, also in pulls that were aborted.
         bytes_out: bytes of replies sent.
-        syncs_in: pulls of ours that came to their end.
-        syncs_out: pulls of the peer that came to their end.
-        timeouts: syncs of both directions that broke off.
-        refused: headers, messages and replies of the peer that were not accepted.
-        newest_age_s: age of the newest message that the peer itself made and we hold; if its
-            stamp is from the future, since it came.
+        syncs_in: pulls of ours that ended.
+        syncs_out: pulls of the peer that ended.
+        timeouts: syncs of both directions that were aborted.
+        refused: headers, messages, requests and replies of the peer that were refused, and
+            connections to the port for it.
+        newest_age_s: age of the newest message that the peer itself published and we hold; if its
+            stamp is in the future, since it was received.
         signal: the reading of the radio, with unit and source; None: no signal.
         topic_ages_s: age of the newest message of each topic of the peer that we hold.
         contacts: the last 32 contacts, oldest first; one that lasts has no end.
-        contacts_begun: how many there were.
-        path: what the last exchange went over: "zmq", "udp", or "original" (an original node).
+        contacts_begun: the number of contacts so far.
+        path: the path of the last exchange: "zmq", "udp", or "original" (an original node).
         team_differs: the peer's team file assigns ids differently, by its latest report; the
             nodes exchange only topics that both define alike.
         duplicate: two processes run as the peer, or as this robot, by their boot ids.

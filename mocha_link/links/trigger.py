@@ -95,10 +95,6 @@ class SyncTrigger:
         signals = self._links[peer].signals
         return next(reversed(signals.values())).reading if signals else None
 
-    def in_contact(self, peer: str) -> bool:
-        """Whether the signal of a peer is strong enough."""
-        return self._links[peer].contact_began_s is not None
-
     def expire_signals(self, now_s: float) -> None:
         """Expire the signals of peers that the radio has not reported for too long."""
         if not self._may_be_due(now_s):

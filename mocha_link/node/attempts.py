@@ -25,7 +25,7 @@ class Attempts:
         connect: opens a connection to an address; raises OSError.
         poller: also waits for these connections.
         owner: reported by the poller for these connections.
-        trusted: whether an address comes from a trusted source.
+        trusted: whether an address may be tried without delay; see `AddressBook.is_trusted`.
 
     Attributes:
         frames: requests to send on the first established connection.

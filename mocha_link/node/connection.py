@@ -39,10 +39,12 @@ class Connection:
 
     Args:
         host: An address, IPv4 or IPv6.
+        port: The peer's port for us.
         send_before_ready: Requests do not wait for the peer's handshake; with keys they must.
         keys: Our secret key and the peer's public key; None: the connection is not encrypted.
 
     Attributes:
+        host: the peer's address, for which it was opened.
         failure: the text of the error that ended the connection; None: it is usable.
         send_before_ready: requests do not wait for the peer's handshake; becomes False when the
             peer closes the connection because of that.
@@ -57,11 +59,11 @@ class Connection:
         send_before_ready: bool = True,
         keys: tuple[SecretKey, PublicKey] | None = None,
     ) -> None:
+        self.host = host
         self.failure: str | None = None
         self.left = False
         self.send_before_ready = send_before_ready
         self._keys = keys
-        self.host = host
         self._port = port
         self._unreported = False  # `advance` has received bytes that the next `turn` reports
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready

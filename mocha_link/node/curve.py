@@ -172,7 +172,7 @@ class CurveClient(_Curve):
         super().__init__(kind)
         self._long_term = secret, public
         self._server = server
-        self._welcomed = False
+        self._welcomed = False  # the server's WELCOME was received
 
     def opening(self) -> bytes:
         """The HELLO."""

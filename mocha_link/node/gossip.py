@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from mocha_link.clock import Instant
 from mocha_link.links import (
-    QUIET_S,
+    QUIET_CONTACT_S,
     SILENT_INTERVALS,
     ContactEnded,
     Direction,
@@ -92,7 +92,7 @@ class Gossip:
         self.database = database or Database(team.histories)
         self._team = team
         self._by_timer = by_timer
-        quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
+        quiet_s = max(QUIET_CONTACT_S, SILENT_INTERVALS * team.trigger.interval_s)
         self._link_table = LinkTable(self.me.peers, name, quiet_s=quiet_s, protected=protected)
         self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
         self._publisher = Publisher(self.me, team.topics_of(name), self.database, sign)

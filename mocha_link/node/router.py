@@ -214,7 +214,7 @@ class ClientConnections:
             self._disconnect(max(self.routers, key=lambda each: (each.holds_bytes, -each.moved)))
 
     def _disconnect(self, client: ClientConnection) -> None:
-        self.routers[client].disconnect(client, "connected too often or did not take its replies")
+        self.routers[client].disconnect(client, "connected too often or did not read its replies")
 
 
 class Router:
@@ -301,10 +301,10 @@ class Router:
 
     def _why(self, error: ZmtpError) -> str:
         if isinstance(error, WrongKeyError):
-            return "came with a wrong key"
+            return "used a wrong key"
         if isinstance(error, NoEncryptionError):
-            return "came without encryption"
-        return "violated the protocol" if self._protected else "sent what is no request"
+            return "used no encryption"
+        return "violated the protocol" if self._protected else "sent an invalid request"
 
     def _accept(self) -> None:
         for _ in range(_MAX_ACCEPTED):

@@ -237,11 +237,6 @@ class ZmtpSession:
         """Whether the peer has proven an accepted key."""
         return self._mechanism.known
 
-    @property
-    def greeted(self) -> bool:
-        """Whether the peer's greeting is complete."""
-        return self._greeted
-
     def encoded(self, parts: Sequence[Part]) -> list[Part]:
         """The bytes of a message, in the order to send; see the function `encoded`."""
         return encoded(parts, self._mechanism)

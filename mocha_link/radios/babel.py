@@ -40,7 +40,6 @@ MAX_ENTRIES = 4096  # of neighbours, and of routes
 _HOST = "::1"  # where babeld listens; a name may stand for 127.0.0.1 only
 PERFECT_COST = 256  # of a wireless link without loss, as babeld has it
 UNREACHABLE = 65535
-HELLOS = 16  # that `reach` remembers
 
 _Entry = TypeVar("_Entry")
 _KINDS = ("neighbour", "route")

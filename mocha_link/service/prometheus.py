@@ -40,15 +40,15 @@ _HELP = {
         f"signal_{name}": f"Signal of the peer as received, in {name}, by source."
         for name in _SIGNALS.values()
     },
-    "last_sync_timestamp_seconds": "When the last sync came to its end.",
+    "last_sync_timestamp_seconds": "When the last sync ended.",
     "rtt_seconds": "The last round trip.",
     "rtt_smoothed_seconds": "The smoothed round trip.",
-    "bandwidth_bytes_per_second": "What the last exchange moved.",
+    "bandwidth_bytes_per_second": "Rate of the last sync that was large enough to measure it.",
     "topic_age_seconds": "Age of the newest message of a peer's topic.",
     "bytes_total": "Bytes of replies received (in) and sent (out).",
-    "syncs_total": "Syncs that came to their end.",
-    "sync_timeouts_total": "Syncs that broke off.",
-    "refused_total": "What was not accepted from the peer.",
+    "syncs_total": "Syncs that ended.",
+    "sync_timeouts_total": "Syncs that were aborted.",
+    "refused_total": "Refused data of the peer, and refused connections.",
     "contacts_total": "Contacts with the peer.",
 }
 

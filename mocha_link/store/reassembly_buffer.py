@@ -1,7 +1,7 @@
-"""Messages that have arrived in part, kept until the rest comes: in this contact or a later one.
+"""Partly received messages, kept until the rest is received: in this contact or a later one.
 
-Everything here grows with the bytes that came in, never with what a peer announces. Of every byte
-it is known who brought it, and of every large message who is bringing it.
+All memory here grows with the received bytes, never with what a peer announces. For every byte the
+peer that sent it is known, and for every large message the peer that is sending it.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ _LIMIT_BYTES = 128 * 1024 * 1024
 _MAX_MESSAGES = 4_096  # every pull checks each of them when it begins
 _BLOCK_BYTES = 32_768  # growing a larger block would copy it too often
 MAX_SEGMENTS = 65_536  # of a message; the largest has fewer in datagrams, and begins anew with more
-_SEGMENT_COST = 200  # what Python takes for a segment and for an entry, in bytes, roughly
-_ENTRY_COST = 600
-STALL_S = 2.0  # a peer of which nothing of a message has come for so long does not bring it,
-SLOW_S = 5.0  # nor does one that has been at it for so long, if another one can
-_MAX_BRINGERS = 1_024
+_SEGMENT_COST = 200  # approximate bytes that Python needs for a segment
+_ENTRY_COST = 600  # the same for an entry
+STALL_S = 2.0  # another peer may send a message of which nothing was received for this time,
+SLOW_S = 5.0  # or that takes longer than this
+_MAX_SENDERS = 1_024
 
 Range = tuple[int, int]
-"""First byte and the one behind the last."""
+"""The first byte, and the one after the last."""
 
 
 def is_alone(data: memoryview) -> bool:
-    """Whether a large piece has its buffer nearly for itself: to keep it keeps not much else."""
+    """Whether a large piece is most of its buffer, so that keeping it keeps little else."""
     whole = len(data.obj)  # type: ignore[arg-type]
     return len(data) >= _BLOCK_BYTES and len(data) * 8 >= whole * 7
 
 
 @dataclass(slots=True)
 class _Segment:
-    """Bytes in a row, and the peer that has brought them."""
+    """Consecutive bytes, and the peer that sent them."""
 
     start: int  # offset in the whole
     data: bytearray | memoryview
@@ -45,15 +45,16 @@ class _Segment:
 
     @property
     def end(self) -> int:
-        """The offset behind them."""
+        """The offset after the last one."""
         return self.start + len(self.data)
 
 
 class Fragment:
-    """Some bytes of a whole of `total`, from pieces in any order, repeated or overlapping.
+    """Part of a message, from pieces in any order, repeated or overlapping.
 
     Attributes:
-        held: how many bytes there are.
+        total: bytes of the whole message.
+        held: bytes that were received.
     """
 
     def __init__(self, total: int) -> None:
@@ -63,11 +64,11 @@ class Fragment:
 
     @property
     def cost(self) -> int:
-        """The memory that it takes, about."""
+        """The approximate memory that it takes, in bytes."""
         return self.held + _ENTRY_COST + _SEGMENT_COST * len(self._segments)
 
     def add(self, offset: int, data: memoryview, peer: str = "") -> None:
-        """Store a piece, which must lie within the whole. A large one is stored without a copy."""
+        """Store a piece, which must be within the whole. A large one is stored without a copy."""
         segments = self._segments
         end = offset + len(data)
         place = bisect_right(segments, offset, key=attrgetter("start"))  # of the next segment
@@ -95,12 +96,12 @@ class Fragment:
             place += 1
 
     def whole(self) -> bytes | None:
-        """All of it, if nothing is missing."""
+        """The whole message; None: bytes are missing."""
         complete = self.held == self.total
         return b"".join(each.data for each in self._segments) if complete else None
 
     def split(self) -> dict[str, Fragment]:
-        """What each peer has brought of it."""
+        """The part that each peer sent."""
         parts: dict[str, Fragment] = {}
         for each in self._segments:
             part = parts.setdefault(each.peer, Fragment(self.total))
@@ -108,7 +109,7 @@ class Fragment:
         return parts
 
     def missing(self, limit: int = MAX_RANGES) -> list[Range]:
-        """What has not come. Of more than `limit` ranges the closest are taken together."""
+        """The missing ranges. Of more than `limit` the closest are merged."""
         gaps: list[Range] = []
         at = 0
         for each in self._segments:
@@ -125,44 +126,44 @@ class Fragment:
         return [(gaps[first][0], gaps[last - 1][1]) for first, last in itertools.pairwise(cuts)]
 
 
-class _Bringer(NamedTuple):
-    """Who brings a message, since when, and when a part came last; steady seconds."""
+class _Sender(NamedTuple):
+    """The peer that is sending a message."""
 
     peer: str
-    began_s: float
-    received_s: float
+    began_s: float  # since when, steady seconds
+    received_s: float  # when a part was received last
 
-    def is_at_it(self, now_s: float) -> bool:
-        """Whether it is to be left to it."""
+    def is_active(self, now_s: float) -> bool:
+        """Whether it is fast enough, so that no other peer should send the message."""
         return now_s - self.received_s < STALL_S and now_s - self.began_s < SLOW_S
 
 
 class ReassemblyBuffer:
-    """The partial messages of a node, whichever peers they came from.
+    """The partial messages of a node, from all peers.
 
-    A message is known by its message id (`frames.message_id_of`) and the size of its body. What all
-    peers bring of it is put together; if that makes a wrong one, what each has brought goes on by
-    itself. Those messages that have not grown for longest go when all take more than `limit` bytes,
-    or are too many.
+    A message is identified by its message id (`frames.message_id_of`) and the size of its body. The
+    parts from all peers are combined; if the result is invalid, the part of each peer is continued
+    separately. If all take more than `limit` bytes, or are too many, those that have not grown for
+    longest are dropped.
 
     Attributes:
-        cost: the memory that all take, about; 0: there are none.
+        cost: the approximate memory that all take, in bytes; 0: there are none.
     """
 
     def __init__(self, limit: int = _LIMIT_BYTES) -> None:
         self.cost = 0
         self._limit = limit
-        # By message id, the latest grown last; by size and the one peer they are of, "": of any.
+        # By message id, the last grown one last; then by size, and by the peer; "": of all peers.
         self._fragments: dict[int, dict[tuple[int, str], Fragment]] = {}
-        self._bringers: dict[int, _Bringer] = {}  # by message id, the last active one last
+        self._senders: dict[int, _Sender] = {}  # by message id, the last active one last
 
     def __len__(self) -> int:
         return len(self._fragments)
 
     def of(self, peer: str) -> list[tuple[int, Fragment]]:
-        """Message ids and what there is of them for a peer to complete.
+        """The ids and parts of the messages that a peer can complete.
 
-        First what goes on with this peer alone, then those of which most is there.
+        First those that only this peer continues, then those of which most was received.
         """
         found = [
             (by == "", -fragment.held, message_id, fragment)
@@ -176,7 +177,7 @@ class ReassemblyBuffer:
     def add(
         self, message_id: int, total: int, offset: int, data: memoryview, peer: str = ""
     ) -> bytes | None:
-        """Take in a piece within `total`; the whole body if it is complete: `drop` or `fail` it."""
+        """Store a piece within `total`; returns a complete body, to be dropped or failed."""
         fragments = self._fragments[message_id] = self._fragments.pop(message_id, {})
         key = (total, peer) if (total, peer) in fragments else (total, "")
         fragment = fragments.setdefault(key, Fragment(total))
@@ -190,9 +191,10 @@ class ReassemblyBuffer:
         return None
 
     def fail(self, message_id: int, but: str = "") -> bool:
-        """What is complete of a message was refused; whether several peers had a part in it.
+        """Note that a complete message was refused; returns whether several peers sent parts of it.
 
-        What each of them has brought, `but` for one, is kept apart then; otherwise it goes.
+        In that case the part of each peer, except `but`, is kept separately; otherwise it is
+        dropped.
         """
         several = False
         fragments = self._fragments.pop(message_id, {})
@@ -208,31 +210,28 @@ class ReassemblyBuffer:
         return several
 
     def drop(self, message_id: int) -> None:
-        """Forget a message, of whatever size."""
-        self._bringers.pop(message_id, None)
+        """Drop a message, of any size."""
+        self._senders.pop(message_id, None)
         self.cost -= sum(each.cost for each in self._fragments.pop(message_id, {}).values())
 
-    def comes_from(self, message_id: int, peer: str, now_s: float) -> bool:
-        """Whether a message is to come from a peer: no other one is bringing it, so this one is."""
-        known = self._bringers.get(message_id)
-        if known and known.peer != peer and known.is_at_it(now_s):
+    def assign(self, message_id: int, peer: str, now_s: float) -> bool:
+        """Note that a peer sends a message; False: another one is sending it."""
+        known = self._senders.get(message_id)
+        if known and known.peer != peer and known.is_active(now_s):
             return False
         began_s = known.began_s if known and known.peer == peer else now_s
-        self._bringers.pop(message_id, None)
-        self._bringers[message_id] = _Bringer(peer, began_s, now_s)
-        if len(self._bringers) > _MAX_BRINGERS:
-            del self._bringers[next(iter(self._bringers))]
+        self._senders.pop(message_id, None)
+        self._senders[message_id] = _Sender(peer, began_s, now_s)
+        if len(self._senders) > _MAX_SENDERS:
+            del self._senders[next(iter(self._senders))]
         return True
 
     def elsewhere(self, peer: str, now_s: float) -> set[int]:
-        """The messages that other peers are bringing."""
-        bringers = self._bringers.items()
-        return {number for number, by in bringers if by.peer != peer and by.is_at_it(now_s)}
+        """The messages that other peers are sending."""
+        senders = self._senders.items()
+        return {number for number, by in senders if by.peer != peer and by.is_active(now_s)}
 
-    def brings_no_more(self, peer: str) -> None:
-        """A peer is out of reach or has ended.
-
-        Another peer may send the messages it was sending.
-        """
-        bringers = self._bringers.items()
-        self._bringers = {number: by for number, by in bringers if by.peer != peer}
+    def release(self, peer: str) -> None:
+        """Note that a peer is out of reach or has ended: others may send what it was sending."""
+        senders = self._senders.items()
+        self._senders = {number: by for number, by in senders if by.peer != peer}

@@ -105,11 +105,6 @@ class Header:
         """Its topic as one number, robot id * 256 + topic id: as its first two bytes read."""
         return self.robot_id << 8 | self.topic_id
 
-    @property
-    def hangs_old_nodes(self) -> bool:
-        """Whether its time is in the first second after a wrap (see UNSAFE_MS)."""
-        return self.wrapped_ms <= UNSAFE_MS
-
     def stamp_s(self, near_s: float) -> float:
         """Unix seconds of the message, nearest to Unix time `near_s`."""
         return self.stamp_ms(near_s) / 1000

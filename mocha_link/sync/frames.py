@@ -106,6 +106,10 @@ class MessageAssembler:
         self._kinds = kinds
         self._open: dict[int, tuple[int, Fragment | None]] = {}  # by kind: round, parts; None: done
 
+    def receives(self, frame: Frame) -> bool:
+        """Whether a frame is of a kind that this side receives."""
+        return bool(len(frame)) and frame[0] in self._kinds
+
     def take(self, frame: Frame) -> SyncMessage | None:
         """Process a frame; returns the message if this completes it. Raises SyncFrameError."""
         if len(frame) < MESSAGE_HEADER_BYTES:

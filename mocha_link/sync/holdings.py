@@ -63,7 +63,7 @@ class Holdings:
         name, offers, reassembly = self._peer.name, self._peer.offers, self._reassembly
         for message_id in offers.announced | offers.left:
             if self.wants(message_id, now.unix_s):
-                reassembly.comes_from(message_id, name, now.steady_s)
+                reassembly.assign(message_id, name, now.steady_s)
         offers.requested()
         self.left = set() if offers.left_full else reassembly.elsewhere(name, now.steady_s)
         owed = any(self.wants(each, now.unix_s) for each in offers.left - self.left)
@@ -78,14 +78,14 @@ class Holdings:
             return Have([*map(record_id, kept), *self.left])
         return Digest(self._database.digests())
 
-    def unannounced_since(self, given: Container[int]) -> int:
+    def unannounced_since(self, received_ids: Container[int]) -> int:
         """The sequence after which the database has messages that were not reported to the peer.
 
-        `given`: ids of the messages that the peer has sent. Without this a message that we stored
-        during a pull would be sent back to us once the peer has it from another node.
+        `received_ids`: of the messages that the peer has sent. Without this a message that we
+        stored during a pull would be sent back to us once the peer has it from another node.
         """
         for number, record in self._database.numbered_since(self.announced_sequence):
-            if record_id(record) not in given:
+            if record_id(record) not in received_ids:
                 return number - 1
         return self._database.sequence
 
@@ -93,7 +93,7 @@ class Holdings:
         """Whether to leave a message, of which the peer sends a part, to another peer."""
         peer = self._peer
         takes = total <= SHARED_BYTES or peer.offers.left_full
-        if takes or self._reassembly.comes_from(message_id, peer.name, now.steady_s):
+        if takes or self._reassembly.assign(message_id, peer.name, now.steady_s):
             return False
         self.left.add(message_id)
         peer.offers.leave({message_id})

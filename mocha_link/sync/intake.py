@@ -7,8 +7,6 @@ from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
 from mocha_link.store import (
-    UNSAFE_MS,
-    WRAP_MS,
     Header,
     PayloadError,
     Record,
@@ -21,7 +19,7 @@ from mocha_link.sync.holdings import Holdings
 from mocha_link.sync.peer import Peer, check_type
 from mocha_link.sync.protocol import Frame
 
-MAX_GIVEN = 65_536
+MAX_RECEIVED_IDS = 65_536
 _SKIP_BYTES = 4_096  # a SKIP is sent only if it saves more than this
 _MAX_BEGUN = 1_024
 _MAX_FAILED = 1_024
@@ -38,14 +36,16 @@ class Intake:
 
     Attributes:
         messages: the number of stored messages.
-        given: ids of messages that the peer sent before the pull ended.
+        received_ids: ids of messages that the peer sent before the pull ended.
         flawed: the round lacks messages that may be requested again.
         hopeless: some message cannot be received intact in this pull.
     """
 
-    def __init__(self, peer: Peer, holdings: Holdings, *, remembered: int = MAX_GIVEN) -> None:
+    def __init__(
+        self, peer: Peer, holdings: Holdings, *, remembered: int = MAX_RECEIVED_IDS
+    ) -> None:
         self.messages = 0
-        self.given: set[int] = set()
+        self.received_ids: set[int] = set()
         self.flawed = False
         self.hopeless = False
         self._peer = peer
@@ -73,7 +73,7 @@ class Intake:
         self._skipped.clear()
 
     def end(self) -> None:
-        """End the pull: later messages are pushed, and are not added to `given`."""
+        """End the pull: later messages are pushed, and are not added to `received_ids`."""
         self._remembered = 0
 
     def refuse_frame(self, error: SyncFrameError) -> None:
@@ -147,8 +147,8 @@ class Intake:
             now_s = self._now.unix_s
             record = Record(header, topic.priority, body, stamp_ms, now_s, trailer is None)
             peer.holdings.add(message_id)
-            if len(self.given) < self._remembered:
-                self.given.add(message_id)
+            if len(self.received_ids) < self._remembered:
+                self.received_ids.add(message_id)
             try:
                 self.messages += peer.store(known, record, trailer)
             except PayloadError as error:  # intact: a repetition would be refused as well
@@ -159,15 +159,17 @@ class Intake:
                 self._reassembly.drop(message_id)
 
     def _is_impossible(self, message_id: int) -> bool:
-        """Whether a message has unknown ids or an impossible time; records the refusal."""
-        stamp_ms = message_id & wire.STAMP_MASK
-        taken = wire.is_taken(stamp_ms, self._now.unix_s)
-        safe = taken and stamp_ms % WRAP_MS > UNSAFE_MS
-        key = message_id >> 48
-        if safe and key in self._topics and self._peer.agreement.exchanges(key):
-            return False
-        robot_id, topic_id = divmod(message_id >> 48, 256)
-        why = impossibility(self._peer.node.team, robot_id, topic_id, stamp_ms, self._now.unix_s)
+        """Whether a message is not the team's, or not exchanged; records the refusal."""
+        peer, key, stamp_ms = self._peer, message_id >> 48, message_id & wire.STAMP_MASK
+        why = impossibility(peer.node.team, *divmod(key, 256), stamp_ms, self._now.unix_s)
+        if why is None:
+            if peer.agreement.exchanges(key):
+                return False
+            robot, topic = self._topics[key]
+            why = (
+                f"{topic.name} of {robot.name} is not exchanged with {peer.name}; "
+                "use the same team file everywhere"
+            )
         self._refuse(f"message {message_id:016x}: {why}")
         return True
 

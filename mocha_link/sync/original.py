@@ -29,7 +29,7 @@ from mocha_link.sync.protocol import (
     GDATA,
     GHEAD,
     ID_BYTES,
-    PATIENCE_S,
+    REQUEST_PATIENCE_S,
     SERRM,
     Frame,
 )
@@ -326,17 +326,17 @@ class ServerSession:
     def tick(self, now: Instant) -> None:
         """Run the timers: time out a silent peer."""
         silence_s = now.steady_s - self._received_s
-        if silence_s <= PATIENCE_S:
+        if silence_s <= REQUEST_PATIENCE_S:
             return
         if silence_s > FORGET_S and self._offered:  # free the memory for an absent peer
             self._offered = self._offered_before = {}
-        self._give_up(now, f"the peer requested nothing for {PATIENCE_S:g} s")
+        self._give_up(now, f"the peer requested nothing for {REQUEST_PATIENCE_S:g} s")
 
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest, in steady seconds; None: no timer runs."""
         if self._pull and not self._pull.given_up:
-            return self._received_s + PATIENCE_S
+            return self._received_s + REQUEST_PATIENCE_S
         return self._received_s + FORGET_S if self._offered else None
 
     def _note_arrival(self, code: bytes) -> None:
@@ -376,7 +376,7 @@ class ServerSession:
         return b"".join(each)
 
     def _data(self, argument: bytes, now: Instant) -> Frame:
-        if now.steady_s - self._listed_s > PATIENCE_S:
+        if now.steady_s - self._listed_s > REQUEST_PATIENCE_S:
             self._offered_before = {}
         try:
             record = self._database.get(Header.parse(argument))

@@ -146,15 +146,22 @@ class ContactBudget:
         self._spent_bytes = 0  # of this contact
 
     @property
-    def left_bytes(self) -> int | None:
-        """Bytes that a pull may receive; 0: too few for a pull; None: no limit."""
-        left = self._limit_bytes - self._spent_bytes
-        return None if not self._limit_bytes else left if left >= LEAST_BUDGET else 0
+    def pull_bytes(self) -> int:
+        """Bytes that a pull which begins now may receive; 0: no limit.
+
+        At least `LEAST_BUDGET`: a running pull may continue over another connection after the
+        budget is spent.
+        """
+        return max(self._left_bytes, LEAST_BUDGET) if self._limit_bytes else 0
 
     @property
     def is_spent(self) -> bool:
         """Whether no further pull may begin in this contact."""
-        return self.left_bytes == 0
+        return bool(self._limit_bytes) and self._left_bytes < LEAST_BUDGET
+
+    @property
+    def _left_bytes(self) -> int:
+        return self._limit_bytes - self._spent_bytes
 
     def spend(self, size: int) -> None:
         """Count received bytes."""
@@ -163,8 +170,3 @@ class ContactBudget:
     def renew(self) -> None:
         """Reset the budget: a contact begins."""
         self._spent_bytes = 0
-
-    def extend(self) -> None:
-        """Allow a running pull that continues over another connection a little more."""
-        if self.is_spent:
-            self._spent_bytes -= LEAST_BUDGET

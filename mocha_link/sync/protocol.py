@@ -22,7 +22,7 @@ SERRM, ACK = b"SERRM", b"Ack"
 
 # An original client gives up 12.4 s after a request without a reply. Until then it may request
 # messages that were offered to it, and it would store an error reply as a message.
-PATIENCE_S = 13.0
+REQUEST_PATIENCE_S = 13.0
 FOLLOW_S = 60.0  # a peer that sends nothing for longer is no longer followed
 NEAR_S = 0.02  # with a shorter round trip TCP is as fast as datagrams from the start
 TRIAL_BOOT_ID = 0  # of a trial beside the robot's own node, which is no duplicate

@@ -30,7 +30,7 @@ from mocha_link.sync.pull_states import OVER, PullEvent, PullState, next_state
 from mocha_link.sync.sync_receiver import SyncReceiver
 
 NEAR_CONNECT_S = 0.025  # a new peer whose connection is established within this time is near
-PATIENCE_S = 0.1  # how long a near peer may reply on the connection before datagrams are tried
+NEAR_REPLY_S = 0.1  # for a near peer's reply on the connection, before datagrams are tried
 MESSAGE_ROOM = 1100  # every frame of ours fits in a datagram, on either path
 Path = Literal["original", "zmq", "udp"]
 IDLE = 2  # times the time-out: how long datagrams without content keep a pull alive
@@ -66,7 +66,7 @@ class PullDatagrams:
             # Before our address is proven the peer may send only a multiple of what it received.
             self._outbox.append(bytes(MESSAGE_ROOM - size))
         known = path.rtt_s is not None
-        wait_s = PATIENCE_S if path.is_near else 0.0 if known else NEAR_CONNECT_S
+        wait_s = NEAR_REPLY_S if path.is_near else 0.0 if known else NEAR_CONNECT_S
         self.due_s = now.steady_s + wait_s
 
     def put_off(self, until_s: float) -> None:
@@ -232,7 +232,7 @@ class Pull:
             return
         self._peer.path.measured(rtt_s)
         if self._peer.path.is_near:
-            self.datagrams.put_off(self.began_s + PATIENCE_S)
+            self.datagrams.put_off(self.began_s + NEAR_REPLY_S)
 
     def tick(self, now: Instant) -> None:
         """Run the timers: datagrams that are due, and time-outs."""

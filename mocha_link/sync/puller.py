@@ -187,8 +187,7 @@ class Puller:
     ) -> None:
         same = route == self._connection.route
         self._connection.use(route)
-        budget_bytes = self.peer.budget.left_bytes or 0
-        pull = self.pull = Pull(self.peer, standing=standing, budget=budget_bytes)
+        pull = self.pull = Pull(self.peer, standing=standing, budget=self.peer.budget.pull_bytes)
         if standing and same and self.followed:
             self.followed.hush()
         else:
@@ -203,7 +202,6 @@ class Puller:
         """Continue the pull over another connection after the old one was lost."""
         pull.abandon()
         self._follow(None)
-        self.peer.budget.extend()
         if over:
             self._connection.disconnect(void=True)
         self._begin(over or DIALLED, now, standing=bool(over), again=True)
@@ -237,7 +235,7 @@ class Puller:
         """Follow the peer after a pull; None: stop following."""
         node = self.peer.node
         robot_id = node.team.robot(self.peer.name).robot_id
-        node.reassembly.brings_no_more(self.peer.name)
+        node.reassembly.release(self.peer.name)
         self.followed = pull
         if pull:
             node.followed.add(robot_id)

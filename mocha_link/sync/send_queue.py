@@ -17,7 +17,7 @@ _MIN_PIECE = 64  # a smaller piece is not worth its head
 _SMALL_SHARE = 4
 _ROOMY = 16_384  # a larger frame need not be full: nothing is split once half of it is used
 _BRIEF, _MUCH = 4_096, 16_384  # the small message that is sent before a large rest
-MAX_GIVEN = 65_536  # remembered message ids; later messages may be sent twice
+MAX_SENT_IDS = 65_536  # remembered message ids; later messages may be sent twice
 _FEW = 8  # up to this many new messages are inserted one by one
 _BEGUN, _FIRST = 1 << 64, 1 << 65  # flags in a rank
 
@@ -37,7 +37,7 @@ class SendQueue:
         frames: frames that were filled since `clear`.
     """
 
-    def __init__(self, peer: Peer, *, remembered: int = MAX_GIVEN) -> None:
+    def __init__(self, peer: Peer, *, remembered: int = MAX_SENT_IDS) -> None:
         self.messages = 0
         self.frames = 0
         self._holdings = peer.holdings
@@ -48,7 +48,7 @@ class SendQueue:
         # By topic key: ranks of the added messages, some of which may have been replaced.
         self._added: dict[int, list[int]] = {}
         self._missing: dict[int, list[Range]] = {}  # of partly sent messages, by message id
-        self._given: set[int] = set()  # ids of sent messages
+        self._sent_ids: set[int] = set()  # ids of sent messages
 
     def __len__(self) -> int:
         return len(self._ranks)
@@ -60,7 +60,7 @@ class SendQueue:
         self._records.clear()
         self._added.clear()
         self._missing.clear()
-        self._given.clear()
+        self._sent_ids.clear()
 
     def resume(self, requests: Iterable[FragmentRequest]) -> None:
         """Continue messages of which the peer has a part."""
@@ -97,7 +97,7 @@ class SendQueue:
             message_id = record_id(record)
             if (
                 message_id in self._missing
-                or message_id in self._given
+                or message_id in self._sent_ids
                 or not lacks(record, message_id)
             ):
                 continue
@@ -215,8 +215,8 @@ class SendQueue:
         del self._records[self._ranks.pop()]
 
     def _finish(self, message_id: int) -> None:
-        if len(self._given) < self._remembered:  # a peer may follow for days
-            self._given.add(message_id)
+        if len(self._sent_ids) < self._remembered:  # a peer may follow for days
+            self._sent_ids.add(message_id)
         self.messages += 1
 
 

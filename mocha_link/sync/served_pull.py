@@ -9,7 +9,7 @@ from mocha_link.datagram import Flow
 from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
 from mocha_link.sync.flows import FLIGHT_BYTES, Flows
 from mocha_link.sync.peer import Peer
-from mocha_link.sync.protocol import FOLLOW_S, ID_BYTES, PATIENCE_S, Frame, Route, Standing
+from mocha_link.sync.protocol import FOLLOW_S, ID_BYTES, REQUEST_PATIENCE_S, Frame, Route, Standing
 from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
 
 SHORT_BYTES = 11 * 1024  # less than the first twelve datagrams, which measure no higher rate
@@ -239,7 +239,7 @@ class ServedPull:
     @property
     def patience_s(self) -> float:
         """The time-out for input from the peer."""
-        return FOLLOW_S if self.sender.ended else PATIENCE_S
+        return FOLLOW_S if self.sender.ended else REQUEST_PATIENCE_S
 
     def is_silent(self, now: Instant) -> bool:
         """Whether the peer has sent nothing for too long."""

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
 
 from mocha_link.clock import Instant
+from mocha_link.datagram import Flow
 from mocha_link.links import Direction
 from mocha_link.sync.credit import GRANT
 from mocha_link.sync.flows import Flows
@@ -21,7 +22,7 @@ from mocha_link.sync.protocol import (
     GHEAD,
     ID_BYTES,
     LINGER_S,
-    PATIENCE_S,
+    REQUEST_PATIENCE_S,
     SERRM,
     SYNC1,
     SYNCC,
@@ -55,7 +56,7 @@ class Server:
         self._flows = Flows(peer)  # of datagrams; the current one is of the newest sync
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of past syncs
         self._ended_s = 0.0  # when the last sync ended, steady seconds
-        self._rejected: tuple[bytes, Reception] | None = None  # the last rejected sync
+        self._rejected: bytes | None = None  # id of the last rejected sync
         self._opened: deque[tuple[bytes, Route]] = deque(maxlen=REMEMBERED)  # ids and connections
         self._contact_s = 0.0  # when the radio last reported a new contact, steady seconds
 
@@ -80,7 +81,7 @@ class Server:
         if flow is None or flow.token != token:
             return self._packet_of_new(token, packet, now)
         refused, arrived = flow.refused, flow.arrived
-        for frame in flow.receive(packet, now.steady_s):
+        for frame in _received(flow, packet, now):
             if self._pull and self._pull.id == flow.token:
                 self._take(self._pull, frame, now)
         if self._pull and flow.refused == refused:
@@ -170,7 +171,7 @@ class Server:
         if pull:
             pull.fall_back_to_tcp(now)
             if pull.is_silent(now):
-                self._break_off(pull, f"the peer sent nothing for {PATIENCE_S:g} s", now)
+                self._break_off(pull, f"the peer sent nothing for {REQUEST_PATIENCE_S:g} s", now)
         elif self._flows.current and now.steady_s - self._ended_s > LINGER_S:
             self._flows.close()
 
@@ -203,8 +204,8 @@ class Server:
             argument = argument[GRANT.size :]
         if code == SYNCC:
             pull.connection.grant(argument)
-        elif not self._take(pull, argument, now):
-            return request_id + SERRM
+        else:
+            self._take(pull, argument, now)
         return self._rejection(request_id)
 
     def _open_sync(self, route: Route, request_id: bytes, argument: bytes, now: Instant) -> None:
@@ -215,7 +216,7 @@ class Server:
         pull = ServedPull(self.peer, request_id, now.steady_s, self._flows)
         if not pull.sender.open(argument[GRANT.size :]):
             # After an error reply the peer would take us for an original node.
-            self._rejected = (request_id, Reception.UNREADABLE)
+            self._rejected = request_id
             return
         pull.connection.begin(route)
         pull.connection.grant(argument[: GRANT.size])
@@ -231,7 +232,7 @@ class Server:
             return False  # a replayed opening must not end a running pull
         pull = ServedPull(self.peer, token, now.steady_s, self._flows)
         flow = self._flows.make(token, pull.next_for_datagram)
-        frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
+        frames = _received(flow, packet, now)
         if not frames or not all(pull.sender.open(frame) for frame in frames):
             return False
         flow.proven = pull.sender.admitted
@@ -264,10 +265,11 @@ class Server:
 
     # --- a pull ends
 
-    def _take(self, pull: ServedPull, frame: Frame, now: Instant) -> bool:
-        """Pass a frame to the pull, and report its end; False if the frame is none of a sync."""
+    def _take(self, pull: ServedPull, frame: Frame, now: Instant) -> None:
+        """Pass a frame to the pull, and report its end; a damaged frame is ignored."""
         before = pull.sender.state
-        taken = pull.sender.take(frame)
+        if not pull.sender.take(frame):
+            self.peer.log.refuse("a damaged frame of a sync")
         match pull.sender.state:
             case state if state is before:
                 pass
@@ -277,13 +279,13 @@ class Server:
                 self._report_end(pull, now)
             case SendState.OVER if before is not SendState.FOLLOWED:
                 self._end(pull, now, complete=before is not SendState.CUT_SHORT)
-        return taken
 
     def _rejection(self, request_id: bytes) -> bytes | None:
         """The reply on the connection of a rejected sync."""
-        if self._rejected is None or self._rejected[0] != request_id:
+        if self._rejected != request_id:
             return None
-        hello = Hello(self._rejected[1], self.peer.node.config_hash)
+        node = self.peer.node
+        hello = Hello(Reception.UNREADABLE, node.config_hash, boot_id=node.boot_id)
         return request_id + message_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
     def _reject(self, pull: ServedPull, now: Instant) -> None:
@@ -291,7 +293,7 @@ class Server:
         self._pull = None
         self._past.append(pull.id)
         self._ended_s = now.steady_s
-        self._rejected = (pull.id, Reception.UNREADABLE)
+        self._rejected = pull.id
         reason = f"{self.peer.name} uses another version of the sync; install the same release"
         self.peer.log.timed_out(Direction.OUT, reason, now)
 
@@ -334,3 +336,8 @@ class Server:
         self.peer.connection.unshare()
         self._past.append(pull.id)
         self._flows.close()
+
+
+def _received(flow: Flow, packet: bytes, now: Instant) -> list[bytes]:
+    """The new frames of a datagram, without padding."""
+    return [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]

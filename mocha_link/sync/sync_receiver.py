@@ -10,7 +10,7 @@ from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import SyncFrameError, read_chunks
 from mocha_link.sync.holdings import Holdings
-from mocha_link.sync.intake import MAX_GIVEN, Intake
+from mocha_link.sync.intake import MAX_RECEIVED_IDS, Intake
 from mocha_link.sync.peer import Peer
 from mocha_link.sync.protocol import Frame
 from mocha_link.sync.sync_messages import Digest, Done, Have, Reception, Since
@@ -31,7 +31,7 @@ class Arrivals:
         self.round = round_
         self._next = 0  # all frames below this number were received, and those in `_ahead`
         self._ahead: set[int] = set()  # received numbers above `_next`
-        self._damaged = 0  # frames received damaged
+        self._damaged = 0  # received frames whose number is not known
         self._done: Done | None = None
 
     def count(self, number: int) -> bool:
@@ -50,7 +50,7 @@ class Arrivals:
         return True
 
     def count_damaged(self) -> None:
-        """Count a damaged frame."""
+        """Count a damaged frame of chunks, of which no number was counted."""
         self._damaged += 1
 
     def end(self, done: Done) -> None:
@@ -87,7 +87,7 @@ class SyncReceiver:
     """
 
     def __init__(
-        self, peer: Peer, *, budget: int = 0, room: int = ROOM, remembered: int = MAX_GIVEN
+        self, peer: Peer, *, budget: int = 0, room: int = ROOM, remembered: int = MAX_RECEIVED_IDS
     ) -> None:
         self.over = False
         self.follows = False
@@ -127,13 +127,12 @@ class SyncReceiver:
         self._intake.begin_frame(now)
         replies: list[bytes] = []
         try:
-            if len(frame) and frame[0] == sync.CHUNKS:
-                self._take_chunks(frame, more)
+            if not more and self._assembler.receives(frame):  # has one part only
+                replies = self._on_message(frame, now)
             else:
-                replies = self._on_message(frame if not more else b"", now)  # has one part only
+                self._take_chunks(frame, more)
         except SyncFrameError as error:
             self._intake.refuse_frame(error)
-            self._arrivals.count_damaged()
         for message_id in self._intake.take_skips():
             replies += self._frames(sync.SKIP, sync_messages.encode_skip(message_id))
         done = self._arrivals.done
@@ -142,8 +141,14 @@ class SyncReceiver:
         return replies
 
     def _take_chunks(self, frame: Frame, more: Sequence[Frame]) -> None:
-        chunks = read_chunks(frame, more)
-        if chunks.round != self._arrivals.round or self._arrivals.count(chunks.number):
+        """Process a frame of chunks, or one whose kind is damaged. Raises SyncFrameError."""
+        try:
+            chunks = read_chunks(frame, more)
+            is_new = chunks.round != self._arrivals.round or self._arrivals.count(chunks.number)
+        except SyncFrameError:
+            self._arrivals.count_damaged()  # DONE counts it
+            raise
+        if is_new:
             self._intake.take(chunks)
 
     # --- rounds
@@ -210,7 +215,7 @@ class SyncReceiver:
                 f"we {sync_messages.VERSION}; install the same release on both"
             )
         elif hello.reception is Reception.UNREADABLE:
-            self.rejection = f"{peer.name} could not read how we began; damaged on its way"
+            self.rejection = f"{peer.name} could not decode our OPEN; it was damaged"
         elif (
             not peer.agreement.compare(hello.config_hash)
             or hello.reception is Reception.TOPICS_WANTED
@@ -250,7 +255,7 @@ class SyncReceiver:
         is_sound = not (flawed or done.cut_short)
         self.complete = is_sound and not left
         if self.complete and not peer.agreement.config_mismatch:  # with one not all was offered
-            own_sequence = self._holdings.unannounced_since(intake.given)
+            own_sequence = self._holdings.unannounced_since(intake.received_ids)
             knowledge = Knowledge(done.epoch, done.sequence, own_sequence)
             if knowledge != node.database.knowledge(peer.name):
                 node.database.learn(peer.name, knowledge)

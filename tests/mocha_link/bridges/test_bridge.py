@@ -12,7 +12,13 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link.bridges.bridge import MAX_QUEUED, MAX_QUEUED_BYTES, QUIET_S, Bridge, PublishQueue
+from mocha_link.bridges.bridge import (
+    MAX_QUEUED,
+    MAX_QUEUED_BYTES,
+    QUIET_TOPIC_S,
+    Bridge,
+    PublishQueue,
+)
 from mocha_link.bridges.progress import SPARE, Progress
 from mocha_link.bridges.run import _state_file
 from mocha_link.links.metrics import MessageStored
@@ -125,7 +131,7 @@ def test_topics_without_messages_are_logged_once(server, progress, until_logged)
     with running(server.endpoint, progress, lambda: now_s) as middleware:
         until_logged("ready")
         middleware.hands["/pose"][1](pose("there", 1))
-        now_s = QUIET_S
+        now_s = QUIET_TOPIC_S
         until_logged("nothing has come on /goal (std_msgs/String), /log (std_msgs/String) yet")
 
 

@@ -93,12 +93,23 @@ def test_losses_cost_little_more_than_what_is_lost(loss, share):
     assert sum(shares) / len(shares) >= share
 
 
+class Receiver(End):
+    """Counts the packets whose frames have arrived before."""
+
+    repeated = 0
+
+    def arrive(self, packet: bytes) -> None:
+        before = len(self.got)
+        super().arrive(packet)
+        self.repeated += bool(wire.parse(packet).frames) and len(self.got) == before
+
+
 def test_what_is_only_overtaken_is_hardly_sent_again():
     world, there, back = link(jitter_s=0.05)
-    a = End(world, there, endless).join(b := End(world, back))
+    a = End(world, there, endless).join(b := Receiver(world, back))
     a.go()
     world.run(10)
-    assert b.flow.repeated < 0.05 * len(b.got)
+    assert b.repeated < 0.05 * len(b.got)
     assert b.bytes > 0.8 * MBIT * 10
 
 
@@ -106,7 +117,7 @@ def test_what_is_only_overtaken_is_hardly_sent_again():
 def test_a_cut_and_what_comes_after(contact):
     rtt_s = 0.1
     world, there, back = link(rtt_s=rtt_s, up=[(0, 2.05), (8, 10)])
-    a = End(world, there, numbered(10_000)).join(b := End(world, back))
+    a = End(world, there, numbered(10_000)).join(b := Receiver(world, back))
     a.go()
     world.run(3)
     assert a.flow.down
@@ -122,7 +133,7 @@ def test_a_cut_and_what_comes_after(contact):
     assert b.bytes > before
     world.run(10)
     assert b.bytes - before > 0.9 * MBIT * (2 - rtt_s)
-    assert b.flow.repeated <= (6 if contact else 0)  # it could not be known what had arrived
+    assert b.repeated <= (6 if contact else 0)  # it could not be known what had arrived
     numbers = [int.from_bytes(frame[:4], "big") for frame in b.got]
     assert len(set(numbers)) == len(numbers)
 
@@ -248,7 +259,6 @@ def test_a_lost_tail_is_sent_again_within_two_round_trips():
     receiver = Flow(TOKEN, lambda _: None)
     assert receiver.receive(again, 0.2) == [bytes(500)]
     assert receiver.receive(lost, 0.3) == []
-    assert receiver.repeated == 1
     for packet in receiver.transmit(0.3):
         sender.receive(packet, 0.4)
     assert sender.settled
@@ -279,6 +289,44 @@ def test_a_flow_ends_with_its_numbers():
 
 
 # --- what comes from elsewhere
+
+
+def probe(number: int) -> bytes:
+    return wire.data(TOKEN, number, floor=0, content=number, body=b"", ack=b"")
+
+
+@pytest.mark.parametrize("source", [endless, numbered(0)])
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        pytest.param([8 * number for number in range(200)], id="gaps"),
+        pytest.param([0, 1_000] + [0] * 200, id="copies"),
+    ],
+)
+def test_an_unproven_address_gets_three_times_its_bytes_acknowledgements_included(source, numbers):
+    """Spread numbers make an acknowledgement ten times as long as the packet that requests it."""
+    flow = Flow(TOKEN, source, proven=False)
+    received = sent = 0
+    for count, number in enumerate(numbers):
+        now_s = count / 1000
+        flow.receive(probe(number), now_s)
+        received += len(probe(number))
+        sent += sum(map(len, flow.transmit(now_s)))
+        assert sent <= 3 * received
+        assert flow.wake_s is None or flow.wake_s > now_s
+    assert sent > received
+
+
+def test_with_data_as_well_an_unproven_address_gets_three_times_its_bytes():
+    flow = Flow(TOKEN, endless, proven=False)
+    received = sent = 0
+    for count in range(40):
+        body = wire.join([bytes(30)])
+        packet = wire.data(TOKEN, 8 * count, floor=0, content=8 * count, body=body, ack=b"")
+        flow.receive(packet, count / 1000)
+        received += len(packet)
+        sent += sum(map(len, flow.transmit(count / 1000)))
+        assert sent <= 3 * received
 
 
 def test_acknowledgements_of_what_was_never_sent_are_refused():

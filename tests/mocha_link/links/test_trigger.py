@@ -25,6 +25,11 @@ def trigger(*, by_timer: bool = False) -> SyncTrigger:
     return SyncTrigger(("io", "europa"), SETTINGS, by_timer=by_timer)
 
 
+def contacts(it: SyncTrigger) -> list[type]:
+    """What began and ended since the last call."""
+    return [type(event) for event in it.take_events() if not isinstance(event, RssiChanged)]
+
+
 def test_a_sync_at_once_then_every_interval():
     it = trigger()
     assert it.signal_received("io", -75, 10)
@@ -124,11 +129,12 @@ def test_each_unit_has_its_threshold(unit):
     assert not it.signal_received("io", Reading(threshold - 0.1, unit, "x"), 0)
     assert it.signal_received("io", Reading(threshold, unit, "x"), 1)
     assert not it.signal_received("io", Reading(threshold - 3, unit, "x"), 2)
-    assert it.in_contact("io")
+    assert contacts(it) == [ContactBegan]
     it.signal_received("io", Reading(threshold - 3.1, unit, "x"), 3)
-    assert not it.in_contact("io")
     assert it.reading("io") == Reading(threshold - 3.1, unit, "x")
-    assert it.take_events()[-2].rssi_dbm == (pytest.approx(-78.1) if unit is Unit.DBM else None)
+    changed, ended = it.take_events()
+    assert changed.rssi_dbm == (pytest.approx(-78.1) if unit is Unit.DBM else None)
+    assert isinstance(ended, ContactEnded)
 
 
 def test_sources_are_not_compared():
@@ -137,10 +143,10 @@ def test_sources_are_not_compared():
     assert not it.signal_received(
         "io", Reading(-90, Unit.DBM, "wifi"), 0
     )  # is no reading of the other one
-    assert it.in_contact("io")
+    assert contacts(it) == [ContactBegan]
     assert not it.signal_received("io", Reading(-77, Unit.DBM, "wifi"), 1)  # had no contact to hold
     it.signal_received("io", Reading(10, Unit.DEVICE, "rajant"), 1)
-    assert not it.in_contact("io")
+    assert contacts(it) == [ContactEnded]
     assert not it.signal_received("io", Reading(-74, Unit.SNR_DB, "wifi"), 2)
     assert it.signal_received("io", Reading(-74, Unit.DBM, "wifi"), 2)
 
@@ -150,11 +156,11 @@ def test_a_source_that_falls_silent_leaves_the_others():
     it.signal_received("io", Reading(40, Unit.DEVICE, "rajant"), 0)
     it.signal_received("io", Reading(-70, Unit.DBM, "wifi"), 4)
     it.expire_signals(7)
-    assert it.in_contact("io")
+    assert contacts(it) == [ContactBegan]
     assert it.reading("io") == Reading(-70, Unit.DBM, "wifi")
     it.expire_signals(10.1)
     assert it.reading("io") is None
-    assert not it.in_contact("io")
+    assert contacts(it) == [ContactEnded]
 
 
 def test_the_sources_of_a_peer_are_bounded():
@@ -213,5 +219,4 @@ def test_contacts_begin_and_end_in_turn(reports):
             assert type(event) is expected
             expected = ContactEnded if expected is ContactBegan else ContactBegan
         assert began == (bool(events) and type(events[-1]) is ContactBegan)
-        assert it.in_contact("io") == (expected is ContactEnded)
         assert it.reading("io") == reading

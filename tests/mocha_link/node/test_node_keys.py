@@ -221,7 +221,7 @@ def test_a_client_without_encryption_is_refused_and_counted(locked, caplog, kind
         assert refused.wait(WAIT_S)
         assert not client.poll(0)
     assert titan.links()["io"].refused >= 1
-    logged = "a client (came without encryption|left before it had shown a key)"
+    logged = "a client (used no encryption|left before it had shown a key)"
     assert re.search(f"refused from io: {logged}", caplog.text)
 
 

@@ -238,7 +238,7 @@ def test_a_damaged_opening_does_not_make_it_an_original_node(other):
         field.pull("a", "b")
     assert not field.nodes["a"].database.kept()
     (reason,) = {e.reason for e in field.events_of("a", SyncTimedOut)}
-    assert reason == "b could not read how we began; damaged on its way"
+    assert reason == "b could not decode our OPEN; it was damaged"
 
 
 def test_a_foreign_node_is_not_taken_for_an_original_one_at_the_first_error(other):
@@ -269,7 +269,7 @@ def hello(*fields: object) -> bytes:
 
 
 @pytest.mark.parametrize("reception", [Reception.WELCOME, Reception.TOPICS_WANTED])
-def test_who_sends_another_config_hash_hands_us_nothing(reception):
+def test_who_sends_another_config_hash_hands_us_nothing(reception, caplog):
     """Not even if it goes on as if they were ours."""
     field = Field(TEAM)
     publisher = NetworkSim(TEAM, names=("a", "b"))
@@ -279,3 +279,4 @@ def test_who_sends_another_config_hash_hands_us_nothing(reception):
     chunks = b"".join(sync.chunks_parts((0, 0), [whole], [], [record.body]))
     answers(field, hello(reception, 12345), chunks)
     assert not field.nodes["a"].database.kept()
+    assert "/pose of b is not exchanged with b; use the same team file everywhere" in caplog.text

@@ -217,12 +217,12 @@ def test_only_the_key_of_the_peer_opens_its_port(titan):
         stranger.send_multipart([b"", b"?"])
         while not (refused := shell.port.expire(0.0)):
             assert shell.turn(20) == []
-        assert refused[0] == "a client came with a wrong key"
+        assert refused[0] == "a client used a wrong key"
         other = clients.dial(titan, own=OF_TITAN)  # of the team, but not of this port
         other.send_multipart([b"", b"?"])
         while not (refused := shell.port.expire(0.0)):
             assert shell.turn(20) == []
-        assert refused[0] == "a client came with a wrong key"
+        assert refused[0] == "a client used a wrong key"
         friend = clients.dial(titan, own=OF_IO)
         friend.send_multipart([b"", b"?"])
         assert shell.request()[1] == [b"?"]

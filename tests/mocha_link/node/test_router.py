@@ -153,7 +153,7 @@ def test_who_sends_what_no_node_sends_is_sent_away_and_counted(shell, titan, sen
         client.sendall(sent)
         while not (reported := shell.port.expire(0.0)):
             assert shell.turn(20) == []
-        assert reported == ["a client sent what is no request"]
+        assert reported == ["a client sent an invalid request"]
         with contextlib.suppress(ConnectionError):
             while client.recv(1000):
                 pass
@@ -227,7 +227,7 @@ def test_all_ports_together_have_so_many(titan, monkeypatch):
                 for port in ports.values():
                     assert list(port.requests(ready)) == []
                     reported += port.expire(0.0)
-        assert reported == ["a client connected too often or did not take its replies"] * 2
+        assert reported == ["a client connected too often or did not read its replies"] * 2
         first, second = ports.values()
         assert list(clients.routers.values()) == [second._router] * 2
         assert not first._router._inside

@@ -191,27 +191,27 @@ def test_what_one_peer_alone_has_brought_goes_if_it_is_wrong():
 
 def test_a_message_comes_from_one_peer_at_a_time():
     reassembly = ReassemblyBuffer()
-    assert reassembly.comes_from(7, "io", 0.0)
-    assert not reassembly.comes_from(7, "titan", STALL_S - 0.1)
+    assert reassembly.assign(7, "io", 0.0)
+    assert not reassembly.assign(7, "titan", STALL_S - 0.1)
     assert reassembly.elsewhere("titan", 0.1) == {7}
     assert reassembly.elsewhere("io", 0.1) == set()
-    assert reassembly.comes_from(7, "titan", STALL_S)  # io has stalled
+    assert reassembly.assign(7, "titan", STALL_S)  # io has stalled
     for tenth in range(50):
-        assert reassembly.comes_from(7, "titan", STALL_S + tenth / 10)
-        assert not reassembly.comes_from(7, "io", STALL_S + tenth / 10)
-    assert reassembly.comes_from(7, "io", STALL_S + SLOW_S)  # titan is slow
+        assert reassembly.assign(7, "titan", STALL_S + tenth / 10)
+        assert not reassembly.assign(7, "io", STALL_S + tenth / 10)
+    assert reassembly.assign(7, "io", STALL_S + SLOW_S)  # titan is slow
     reassembly.drop(7)
-    assert reassembly.comes_from(7, "titan", STALL_S + SLOW_S)
-    reassembly.brings_no_more("io")
-    assert not reassembly.comes_from(7, "io", STALL_S + SLOW_S)
-    reassembly.brings_no_more("titan")
-    assert reassembly.comes_from(7, "io", STALL_S + SLOW_S)
+    assert reassembly.assign(7, "titan", STALL_S + SLOW_S)
+    reassembly.release("io")
+    assert not reassembly.assign(7, "io", STALL_S + SLOW_S)
+    reassembly.release("titan")
+    assert reassembly.assign(7, "io", STALL_S + SLOW_S)
 
 
 def test_who_brings_what_is_forgotten_before_it_takes_memory():
     reassembly = ReassemblyBuffer()
     for message_id in range(10_000):
-        assert reassembly.comes_from(message_id, "io", 0.0)
+        assert reassembly.assign(message_id, "io", 0.0)
     assert len(reassembly.elsewhere("titan", 0.0)) <= 1_024
 
 

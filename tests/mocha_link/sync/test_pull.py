@@ -1,6 +1,7 @@
 """One pull over every path there is: which one it takes, and what it does when one fails."""
 
 import random
+from collections.abc import Iterable
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,7 @@ from benchmarks.fleet.network_sim import Carried, NetworkSim, pair_of, pulling
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node.gossip import TIMEOUT_S, Gossip
 from mocha_link.sync.peer_path import MAX_MISSES, RETRY_EVERY
-from mocha_link.sync.protocol import PATIENCE_S, Connect
+from mocha_link.sync.protocol import REQUEST_PATIENCE_S, Connect
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import noise
 from tests.mocha_link.old_node import OldNode
@@ -186,7 +187,7 @@ def test_datagrams_that_carry_nothing_are_given_up_for_a_while(team):
     for _ in range(MAX_MISSES + 2 * RETRY_EVERY):
         net.carried.clear()
         net.pull("io", "titan")
-        net.wait(PATIENCE_S)  # until then it takes what begins anew for a copy
+        net.wait(REQUEST_PATIENCE_S)  # until then it takes what begins anew for a copy
         tried.append(bool(net.sent(*UP)))
     assert tried[:MAX_MISSES] == [True] * MAX_MISSES
     assert tried.count(True) == MAX_MISSES + 2
@@ -406,3 +407,32 @@ def test_the_next_contact_has_a_budget_of_its_own():
     assert net.held("io") == net.held("titan")
     assert len(net.events_of("io", MessageStored)) == 40
     assert io.links(net.now)["titan"].bytes_in < 40 * 2_100 + 10_000
+
+
+def test_a_pull_that_goes_on_over_a_new_connection_has_a_budget_though_it_is_spent():
+    """What the peer pushed meanwhile, over the connection that was lost, has used it up."""
+    net = budgeted(WIDE, 20_000)
+    net.publish("titan", "/t0", b"small")
+    io = net.nodes["io"]
+    io.signal_received("titan", -60, net.now)
+    net.settle()
+
+    def push(numbers: Iterable[int]) -> None:
+        for number in numbers:
+            net.publish("titan", f"/t{number}", noise(300, number))
+            net.nodes["titan"].tick(net.now)  # a publication wakes the node
+            net.wait(0)
+
+    push(range(1, 50))
+    net.wait(1.2 * FAR_S)
+    assert io.sync("titan", net.now)
+    push(range(50, 60))
+    net.wait(1.2 * FAR_S)
+    assert io.links(net.now)["titan"].bytes_in > 20_000
+    net.lines["io", "titan"].dead = True
+    for number in range(100, 140):
+        net.publish("titan", f"/t{number}", noise(2_000, number))
+    io.lost("titan", "the peer closed the connection", net.now)
+    net.settle()
+    assert io.links(net.now)["titan"].bytes_in < 22_000
+    assert not ended(net).complete

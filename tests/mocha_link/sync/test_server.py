@@ -26,7 +26,7 @@ from mocha_link.sync.frames import (
     message_frames,
     read_chunks,
 )
-from mocha_link.sync.protocol import DIALLED, ID_BYTES, PATIENCE_S, Standing
+from mocha_link.sync.protocol import DIALLED, ID_BYTES, REQUEST_PATIENCE_S, Standing
 from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
@@ -191,10 +191,14 @@ def io(server) -> PullingPeer:
     return PullingPeer(server)
 
 
+def hello(reply: bytes) -> Hello:
+    assert reply[:ID_BYTES] == b"ididid"
+    return Hello.decode(MessageAssembler(HELLO).take(reply[ID_BYTES:]).content)
+
+
 def reception(reply: bytes) -> Reception:
     """How an opening was taken."""
-    assert reply[:ID_BYTES] == b"ididid"
-    return Hello.decode(MessageAssembler(HELLO).take(reply[ID_BYTES:]).content).reception
+    return hello(reply).reception
 
 
 def all_of(database: Database) -> dict[Header, bytes]:
@@ -290,10 +294,34 @@ def test_a_damaged_opening_is_not_answered_as_an_original_node_does_it(server, i
     """Who begins so is a new node, and gets UNREADABLE; it must not go on with ids."""
     reply = io.request(b"SYNC1" + rest)
     assert reception(reply) is Reception.UNREADABLE
+    assert hello(reply).boot_id == server.peer.node.boot_id
     io.receiver.receive(reply[ID_BYTES:], at(0))
-    assert "could not read how we began" in io.receiver.rejection
+    assert "could not decode our OPEN" in io.receiver.rejection
     assert take_events(server) == []
     assert io.request(b"GHEAD") is None
+
+
+@pytest.mark.parametrize("code", [b"SYNC1" + PLENTY, b"SYNCF"])
+@pytest.mark.parametrize("damaged", [b"", b"garbage", bytes(40)])
+def test_a_damaged_frame_of_a_running_sync_is_ignored(server, io, database, code, damaged):
+    """An error reply would mean that the sync is unknown, and the peer would abort it."""
+    io.open()
+    assert io.request(code + damaged) is None
+    assert server.peer.log.take_refusals() == ["a damaged frame of a sync"]
+    io.read()
+    assert io.got == all_of(database)
+    assert io.receiver.complete
+
+
+def test_padding_that_comes_after_the_opening_is_no_damage(server, io):
+    """After an opening that nearly fills it, the padding takes a packet of its own."""
+    io.cast(at(0))
+    io.outbox.append(bytes(20))
+    io.pass_on(at(0.01))
+    assert server.peer.log.take_refusals() == []
+    io.outbox.append(b"garbage")
+    io.pass_on(at(0.02))
+    assert server.peer.log.take_refusals() == ["a damaged frame of a sync"]
 
 
 def test_another_version_of_the_sync(server, io):
@@ -347,12 +375,12 @@ def test_a_new_pull_replaces_the_one_before(server, io, database):
 def test_silence_ends_a_sync(server, io):
     io.open()
     io.drain(at(0))
-    server.tick(at(PATIENCE_S))
+    server.tick(at(REQUEST_PATIENCE_S))
     assert [type(event) for event in take_events(server)] == [SyncStarted]
-    server.tick(at(PATIENCE_S + 0.1))
+    server.tick(at(REQUEST_PATIENCE_S + 0.1))
     (broken,) = take_events(server)
     assert broken == SyncTimedOut(
-        "io", NOW_S + PATIENCE_S + 0.1, OUT, "the peer sent nothing for 13 s"
+        "io", NOW_S + REQUEST_PATIENCE_S + 0.1, OUT, "the peer sent nothing for 13 s"
     )
     server.tick(at(60))
     assert take_events(server) == []

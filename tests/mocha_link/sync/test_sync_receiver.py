@@ -291,6 +291,32 @@ def test_a_peer_that_damages_everything_is_not_requested_for_ever():
     assert pulling.round == 2
 
 
+@pytest.mark.parametrize("kind", [sync.HELLO, sync.ANNOUNCE])
+def test_a_damaged_sync_message_does_not_count_as_a_frame_of_messages(kind):
+    pulling = PullingSide()
+    damaged = bytearray(sync.message_frame(kind, 0, Hello().encode(), 0, 500))
+    damaged[-1] ^= 1
+    pulling.receive(bytes(damaged))
+    last = pulling.chunks((LONG, body()))
+    pulling.done()
+    assert pulling.round == 0  # the frame is still under way
+    pulling.receive(last)
+    assert pulling.round == 1
+    assert len(pulling.refusals) == 1
+
+
+def test_a_frame_with_parts_of_too_many_messages_counts_once():
+    pulling = PullingSide()
+    for number in range(1_025):
+        pulling.receive(pulling.chunks(pieces=[(LONG + number, body(), 0, 1)]))
+    last = pulling.chunks((LONG + 2_000, body(START_MS + 2_000)))
+    pulling.done()
+    assert pulling.round == 0  # the frame is still under way
+    pulling.receive(last)
+    assert pulling.round == 1
+    assert pulling.refusals == ["parts of too many messages"]
+
+
 def test_parts_of_too_many_messages_are_refused():
     pulling = PullingSide()
     for number in range(1_030):
@@ -338,7 +364,7 @@ def test_whatever_comes_an_receiver_keeps_only_good_messages(seed):
     for record in node.database.kept():
         wire.check(record.body)
         assert record.body[0] == 0
-        assert not record.header.hangs_old_nodes
+        assert record.header.wrapped_ms > wire.UNSAFE_MS
 
 
 def test_memory_grows_with_what_came_and_not_with_what_was_announced():
