@@ -167,8 +167,12 @@ class Node(Startable):
             keys=self._peer_keys,
             simulated=not isinstance(self.clock, SystemClock),
         )
-        transport.start()
-        self._transport = transport
+        self._transport = transport  # before its thread starts: listeners use it from there
+        try:
+            transport.start()
+        except BaseException:
+            self._transport = None
+            raise
         if self._radio and not self._closed:
             try:
                 self._radio.start(_weakly(self._signal_received))
