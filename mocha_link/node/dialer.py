@@ -222,8 +222,7 @@ class Dialer:
         if not hosts:
             why = self.book.failure(peer)
         if why:
-            self._connections.pop(peer, None)
-            self._needs_polling.discard(peer)
+            self.hang_up(peer, void=True)  # attempts may run at addresses that have expired
             self._lost(peer, why)
         return None
 
