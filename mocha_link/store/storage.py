@@ -80,7 +80,7 @@ class Storage:
         self._epoch = 0  # of the database that is kept
         # after a fault: what the file lacks
         self._reconcile: Callable[[Contents, Storage], None] | None = None
-        self._thread: threading.Thread | None = None  # writes to the file
+        self._thread: threading.Thread | None = None  # writes to the file, from `start` on
         self._backlog = Backlog()
 
     @property
@@ -113,8 +113,9 @@ class Storage:
         """
         self._epoch = epoch
         self._reconcile = reconcile
-        self._thread = threading.Thread(target=self._run, name="mocha_link storage", daemon=True)
-        self._thread.start()
+        thread = threading.Thread(target=self._run, name="mocha_link storage", daemon=True)
+        thread.start()
+        self._thread = thread
 
     def put(self, number: int, record: Record) -> None:
         """For the database: a message to write."""
@@ -148,6 +149,8 @@ class Storage:
         self._backlog.close()
         if self._thread:
             self._thread.join(timeout_s)
+        else:  # the database was not made
+            self._close_file()
         left = self._backlog.left
         if left:
             what = "1 change is" if left == 1 else f"{left} changes are"
