@@ -42,7 +42,7 @@ class Mdns:
         MissingExtraError: zeroconf is not installed.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the team, the robot and what a test sets
         self,
         team: Team,
         me: Robot,

@@ -1,4 +1,4 @@
-"""What a bridge has published to its middleware, in a file, so that a restart loses and repeats nothing."""
+"""What a bridge has published, in a file, so that a restart loses and repeats nothing."""
 
 from __future__ import annotations
 

@@ -193,6 +193,7 @@ class _Server(ThreadingTCPServer):
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Log what ended a request, unless its reader has hung up."""
+        del request, client_address
         error = sys.exception()
         if not isinstance(error, OSError):
             LOG.error("serving metrics to Prometheus: an error", exc_info=error)
