@@ -1,8 +1,9 @@
-"""The database's copy on disk: written behind its back, in order, by one thread.
+"""The database's copy on disk, written in order by a thread of its own.
 
-What is given to it is committed together with all that has come meanwhile (group commit), so a
-slow disk makes longer transactions, not a longer queue; so long that the journal would grow they
-are not (`changes`). See `storage_file` for the file.
+Changes that are made during a commit share the next one (group commit): a slow disk makes longer
+transactions, not a longer queue. Their length is bounded, so that the journal does not grow
+(`changes`). What was committed survives a loss of power; `wait` returns when it is. See
+`storage_file` for the file.
 
 When the file cannot be written (disk full, damaged, locked by another process, directory missing)
 the storage reports the fault once, to the log and to `on_fault`; the database continues in memory.
