@@ -22,7 +22,7 @@ class SystemClock:
 
 
 class Instant(NamedTuple):
-    """One moment on both clocks; how time comes into everything that decides.
+    """One moment on both clocks, which everything that decides is given.
 
     `may_step`: Unix time is this machine's, which may be set; otherwise it is all that passes.
     """

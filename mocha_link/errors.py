@@ -22,13 +22,13 @@ MISSING_EXTRA: Final = 7
 """The exit code of a command that lacks a package."""
 
 _FOLDERS: Final = {"mocha-link": "./packaging/mocha-link", "air-router": "."}
-"""Where the distributions stand in the project's folder."""
+"""Where each distribution is in the project's folder."""
 
 _OURS: Final = ("mocha_link", "air_router", "geo", "sitl")
 
 
 GUARD_LOG_S: Final = 10.0
-"""An error that comes again and again is logged at this distance."""
+"""The shortest time between two log lines of an error that recurs."""
 
 LOG = logging.getLogger("mocha_link")
 

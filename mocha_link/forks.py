@@ -57,10 +57,10 @@ def closed_in_children(resource: _Any) -> _Any:
 
 
 class _Forked:
-    """What stands before an object's class in a child."""
+    """In a child these methods come before those of an object's class: most raise ForkedError."""
 
     def __del__(self) -> None:
-        pass  # it is the parent's to close
+        pass  # the parent closes it
 
     def __getattribute__(self, name: str) -> Any:
         if name.startswith("__"):

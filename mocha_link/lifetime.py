@@ -53,7 +53,7 @@ class Startable(Closeable):
 
 
 class _Terminated(BaseException):
-    """SIGTERM came."""
+    """Raised by SIGTERM in the block of `until_terminated`, which it ends."""
 
 
 @contextlib.contextmanager

@@ -18,5 +18,9 @@ MAX_TRIED = 6
 SEEN_S = 600.0
 """An address from which a peer came, or at which it was reached, is remembered for so long."""
 
+CONFIRM_S = 10.0
+"""After a change of our addresses, robots found by mDNS before are forgotten if they are not
+announced again in this time: zeroconf queries four times in the first 7 s."""
+
 MDNS_CLOSE_S = 0.3
 """How long the end of a node waits for its farewell by mDNS."""

@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, Final
 
-from mocha_link.addresses.limits import MAX_ANNOUNCEMENTS, MAX_OF_NAME, MDNS_CLOSE_S
+from mocha_link.addresses.limits import CONFIRM_S, MAX_ANNOUNCEMENTS, MAX_OF_NAME, MDNS_CLOSE_S
 from mocha_link.errors import Guard, needs_extra
 from mocha_link.hosts import ANY, as_host, is_number
 from mocha_link.team import Robot, Team
@@ -35,12 +35,14 @@ class Mdns:
         announces: whether to announce it.
         wanted: robots to be found.
         wake: called from that thread when an address came or went.
+        confirm_s: real seconds after a change of our own addresses in which an announcement from
+            before must come again.
 
     Raises:
         MissingExtraError: zeroconf is not installed.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the team, the robot and what a test sets
         self,
         team: Team,
         me: Robot,
@@ -48,6 +50,7 @@ class Mdns:
         announces: bool,
         wanted: Collection[str],
         wake: Callable[[], None],
+        confirm_s: float = CONFIRM_S,
     ) -> None:
         with needs_extra("a robot without an address in the team file", "mdns"):
             import zeroconf  # noqa: F401, PLC0415 - an extra; loads for 0.3 s
@@ -56,9 +59,11 @@ class Mdns:
         self._announces = announces
         self._wanted = frozenset(wanted)
         self._wake = wake
+        self._confirm_s = confirm_s
         self._lock = threading.Lock()
         # By robot and announcement, the newest last: addresses.
         self._found: dict[str, dict[str, tuple[str, ...]]] = {name: {} for name in self._wanted}
+        self._unconfirmed: set[str] = set()  # announcements not seen again in this session
         self._requests: set[asyncio.Task[None]] = set()
         self._guard = Guard(f"{me.name}: an error in mDNS")
         self._own: list[str] = []  # addresses of this machine in this session
@@ -143,6 +148,8 @@ class Mdns:
         from zeroconf import InterfaceChoice, IPVersion  # noqa: PLC0415 - an extra
         from zeroconf.asyncio import AsyncServiceBrowser, AsyncZeroconf  # noqa: PLC0415
 
+        # The browser of this session reports the end of what it has seen itself, no other.
+        self._unconfirmed = {name for found in self._found.values() for name in found}
         self._own = _own_hosts()
         listen = self._me.listen
         single = listen != ANY and is_number(listen)
@@ -159,6 +166,11 @@ class Mdns:
             if self._announces and hosts:
                 await daemon.async_register_service(self._announcement(hosts))
             if not self._closed.is_set():
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(restart.wait(), self._confirm_s)
+                if not restart.is_set():
+                    for name in self._unconfirmed:
+                        self._forget(name)
                 await restart.wait()
         finally:
             for request in list(self._requests):
@@ -181,6 +193,7 @@ class Mdns:
     def _changed(self, zeroconf: Any, service_type: str, name: str, state_change: Any) -> None:
         from zeroconf import ServiceStateChange  # noqa: PLC0415 - an extra
 
+        self._unconfirmed.discard(name)
         if state_change is ServiceStateChange.Removed:
             self._forget(name)
         elif len(self._requests) < _MAX_REQUESTS:

@@ -60,9 +60,21 @@ class Resolver:
                 self._begin(name)
 
     def _begin(self, name: str) -> None:
-        if name not in self._resolving:
-            self._resolving.add(name)
+        """Resolve a name in a thread, unless one does; with the lock."""
+        if name in self._resolving:
+            return
+        self._resolving.add(name)
+        try:
             threading.Thread(target=self._resolve, args=(name,), daemon=True).start()
+        except RuntimeError as error:  # the system has none left
+            self._note(name, (), f"cannot resolve '{name}': {error}")
+
+    def _note(self, name: str, hosts: tuple[str, ...], failure: str) -> None:
+        """Note the end of a resolution; with the lock."""
+        if not hosts:  # name servers go out of reach as robots do
+            hosts = self._found.get(name, _Found()).hosts
+        self._found[name] = _Found(hosts, failure, time.monotonic())
+        self._resolving.discard(name)
 
     def _resolve(self, name: str) -> None:
         hosts: tuple[str, ...] = ()
@@ -74,8 +86,5 @@ class Resolver:
         except (OSError, UnicodeError) as error:
             failure = f"no address for '{name}': {error}"
         with self._lock:
-            if not hosts:  # name servers go out of reach as robots do
-                hosts = self._found.get(name, _Found()).hosts
-            self._found[name] = _Found(hosts, failure, time.monotonic())
-            self._resolving.discard(name)
+            self._note(name, hosts, failure)
         self._wake()

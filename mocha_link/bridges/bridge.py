@@ -1,8 +1,8 @@
-"""Hands messages between a node's service and another middleware, in both directions.
+"""Carries messages between a node's service and another middleware, in both directions.
 
-Messages of the middleware on the robot's own topics are published through the node; what arrives
-from other robots is handed to the middleware under ``/<robot>/<topic>``. Messages wait for
-whichever side is away; one that cannot be handed on is logged and passed over.
+Messages of the middleware on the robot's own topics are published through the node; messages of
+other robots are published to the middleware under ``/<robot>/<topic>``. Messages wait for
+whichever side is away; one that cannot be published is logged and skipped.
 """
 
 from __future__ import annotations
@@ -43,8 +43,11 @@ class Middleware(Protocol):
 
     ros: int
 
-    def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
-        """Hand over the serialized messages of a topic, from any thread. Raises any exception."""
+    def subscribe(self, topic: str, kind: str, history: int, take: Callable[[bytes], None]) -> None:
+        """Call `take` with each serialized message of a topic, from any thread.
+
+        Raises any exception.
+        """
 
     def publish(self, topic: str, kind: str, history: int, data: bytes) -> None:
         """Publish a serialized message. Raises any exception."""
@@ -98,6 +101,34 @@ class PublishQueue:
                 self._size -= len(self._queued.popleft()[1])
 
 
+class _Outage:
+    """Whether a thread waits for the node; logged once for all threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._waiting: set[int] = set()  # threads of which no request was answered since
+
+    @property
+    def here(self) -> bool:
+        """Whether this thread waits."""
+        return threading.get_ident() in self._waiting
+
+    def began(self, error: Exception) -> None:
+        """A request of this thread was not answered."""
+        with self._lock:
+            if not self._waiting:
+                LOG.warning("waiting for the node: %s", error)
+            self._waiting.add(threading.get_ident())
+
+    def ended(self) -> None:
+        """A request of this thread was answered."""
+        with self._lock:
+            if threading.get_ident() in self._waiting:
+                self._waiting.remove(threading.get_ident())
+                if not self._waiting:
+                    LOG.warning("the node answers again")
+
+
 class Bridge:
     """Runs between the node at an endpoint and a middleware until it is stopped.
 
@@ -118,18 +149,19 @@ class Bridge:
         self._middleware = middleware
         self._progress = progress
         self._clock = clock
-        self._quiet: dict[str, str] = {}  # subscribed topics of which nothing has come: their types
+        # By subscribed topic of which no message was received: its type.
+        self._quiet: dict[str, str] = {}
         self._publish_queue = PublishQueue()
         self._stopping = threading.Event()
         self._complaints: Counter[str] = Counter()  # by subject: the first is a warning
-        self._away = False  # the node does not reply; the log has it
+        self._outage = _Outage()  # of the node
 
     def stop(self) -> None:
         """Let `run` end, from any thread or a signal handler."""
         self._stopping.set()
 
     def run(self) -> None:
-        """Hand messages on until `stop`."""
+        """Carry messages until `stop`."""
         with ServiceClient(self.endpoint, timeout_s=self._patience_s) as client:
             team = self._retry(client.team)
             if team is None:
@@ -144,7 +176,7 @@ class Bridge:
             finally:
                 self._stopping.set()
                 for _ in range(int(DRAIN_S / PAUSE_S)):
-                    if not self._away:
+                    if not self._outage.here:
                         outgoing.join(PAUSE_S)
 
     def _subscribe(self, team: dict[str, Any]) -> None:
@@ -154,8 +186,8 @@ class Bridge:
             if carried is None:
                 continue
 
-            def hand(data: bytes, name: str = name, kind: str = kind) -> None:
-                if self._stopping.is_set():  # a robot that goes on talking would never let it end
+            def take(data: bytes, name: str = name, kind: str = kind) -> None:
+                if self._stopping.is_set():  # a robot that keeps publishing would never let it end
                     return
                 self._quiet.pop(name, None)
                 try:
@@ -164,11 +196,11 @@ class Bridge:
                         name, self._middleware.from_text(data) if plain else data
                     )
                 except ValueError as error:
-                    self._complain(name, f"not handed on: {error}")
+                    self._complain(name, f"not published: {error}")
 
             try:
                 self._quiet[name] = carried
-                self._middleware.subscribe(channel(name), carried, topic["history"], hand)
+                self._middleware.subscribe(channel(name), carried, topic["history"], take)
             except Exception as error:  # noqa: BLE001 - whatever a middleware raises
                 self._quiet.pop(name, None)
                 self._complain(name, f"cannot be subscribed: {error}")
@@ -196,9 +228,10 @@ class Bridge:
         }
         while not self._stopping.is_set():
             if self._quiet and self._clock() >= quiet_s:
-                topics = ", ".join(f"{name} ({kind})" for name, kind in [*self._quiet.items()])
+                quiet = self._quiet.copy()  # in one step: the middleware's threads remove topics
+                topics = ", ".join(f"{name} ({kind})" for name, kind in quiet.items())
                 need = "publishers need these names and types, and this domain or master"
-                LOG.info("nothing has come on %s yet: %s", topics, need)
+                LOG.info("no message on %s yet: %s", topics, need)
                 self._quiet = {}
             found = self._retry(
                 lambda: client.since(self._progress.place, wait_s=WAIT_S, ros=self._middleware.ros)
@@ -210,19 +243,20 @@ class Bridge:
                 if self._stopping.is_set():
                     return
                 history = histories.get((about["robot"], about["topic"]), 1)
-                self._hand_on(about, data, history, team)
+                self._publish(about, data, history, team)
             if place != self._progress.place:
                 self._progress.move(place)
 
-    def _hand_on(
+    def _publish(
         self, about: dict[str, Any], data: bytes, history: int, team: dict[str, Any]
     ) -> None:
+        """Publish a message of another robot to the middleware, unless it was before."""
         name = channel(f"/{about['robot']}/{about['topic']}")
-        if self._progress.handed(name, about["header"]):
+        if self._progress.published(name, about["header"]):
             return
         kind = self._carried(about["type"], team, logging.INFO)  # programs may want it
         if "error" in about:
-            self._complain(name, f"passed over: {about['error']}")
+            self._complain(name, f"skipped: {about['error']}")
         elif kind is not None:
             try:
                 for part in split(about, data):
@@ -230,7 +264,7 @@ class Bridge:
                     body = self._middleware.text(part) if plain else part
                     self._middleware.publish(name, kind, history, body)
             except Exception as error:  # noqa: BLE001 - whatever a middleware raises
-                self._complain(name, f"passed over: {error}")
+                self._complain(name, f"skipped: {error}")
         self._progress.note(name, about["header"], history)
 
     def _send(self) -> None:
@@ -259,17 +293,14 @@ class Bridge:
             try:
                 reply = request()
             except ServiceUnreachableError as error:
-                if not self._away:
-                    LOG.warning("waiting for the node: %s", error)
-                self._away = True
+                self._outage.began(error)
             except ServiceError as error:
+                self._outage.ended()
                 self._complain(about, f"the node refused: {error}")
                 if about and not error.again:
                     raise _GivenUpError from None
             else:
-                if self._away:
-                    LOG.warning("the node answers again")
-                self._away = False
+                self._outage.ended()
                 return reply
             if self._stopping.wait(PAUSE_S):
                 return None

@@ -183,14 +183,14 @@ class Dds(Cdr, Closeable):
         self._thread = threading.Thread(target=self._read, name="DDS reader", daemon=True)
         self._thread.start()
 
-    def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> Any:
-        """Subscribe to a topic. An exception of `hand` is logged.
+    def subscribe(self, topic: str, kind: str, history: int, take: Callable[[bytes], None]) -> Any:
+        """Subscribe to a topic. An exception of `take` is logged.
 
         Args:
             topic: the name of the topic.
             kind: the name of its ROS type.
             history: the depth of the queue, in messages.
-            hand: receives the CDR bytes of every message, on the reader thread.
+            take: receives the CDR bytes of every message, on the reader thread.
 
         Returns:
             The DDS reader.
@@ -208,7 +208,7 @@ class Dds(Cdr, Closeable):
                 ),
             )
             unread = ReadCondition(reader, SampleState.Any | ViewState.Any | InstanceState.Any)
-            self._readers.append((reader, unread, hand))
+            self._readers.append((reader, unread, take))
             self._waiting.attach(unread)
         return reader
 
@@ -268,13 +268,13 @@ class Dds(Cdr, Closeable):
             self._waiting.wait(duration(infinite=True))
             with self._lock:
                 readers = list(self._readers)
-            for reader, _, hand in readers:
+            for reader, _, take in readers:
                 try:
                     for sample in reader.take(MAX_SAMPLES):
                         data = getattr(sample, "data", b"")  # that a publisher ended has none
                         if data:
                             with self._guard:
-                                hand(data)
+                                take(data)
                 except DDSException as error:
                     LOG.warning("cannot read %s: %s", reader.topic.name, error)
 

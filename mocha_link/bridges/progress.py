@@ -1,4 +1,4 @@
-"""What a bridge has handed on, in a file, so that a restart loses and repeats nothing."""
+"""What a bridge has published, in a file, so that a restart loses and repeats nothing."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ SPARE = 8  # headers of a topic that are remembered beyond its history
 
 LOG = logging.getLogger("mocha_link")
 
+# `handed` are the messages that were published: files of earlier versions have it, too.
 _SCHEMA = """
 PRAGMA journal_mode = WAL;
 PRAGMA synchronous = NORMAL;
@@ -60,13 +61,13 @@ class Progress:
         rows = self._run(("SELECT epoch, sequence FROM place", ()))
         return (rows[0][0], rows[0][1]) if rows else None
 
-    def handed(self, channel: str, header: str) -> bool:
-        """Whether a message was handed on before."""
+    def published(self, channel: str, header: str) -> bool:
+        """Whether a message was published before."""
         query = "SELECT 1 FROM handed WHERE channel = ? AND header = ?"
         return bool(self._run((query, (channel, header))))
 
     def note(self, channel: str, header: str, history: int = 1) -> None:
-        """A message was handed on, or is not worth another try."""
+        """Note a message that was published, or is not worth another try."""
         forget = (
             "DELETE FROM handed WHERE channel = ?1 AND number <= (SELECT number FROM handed "
             "WHERE channel = ?1 ORDER BY number DESC LIMIT 1 OFFSET ?2)"
@@ -77,7 +78,7 @@ class Progress:
         )
 
     def move(self, place: tuple[str, int]) -> None:
-        """All up to a place was handed on."""
+        """Note a place up to which all was published."""
         self._run(("INSERT OR REPLACE INTO place VALUES (1, ?, ?)", place))
 
     def close(self) -> None:

@@ -51,7 +51,7 @@ class Ros1:
         LOG.addHandler(handler)
         LOG.propagate = False
 
-    def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
+    def subscribe(self, topic: str, kind: str, history: int, take: Callable[[bytes], None]) -> None:
         """See `bridge.Middleware`. Publishers of another type are logged once and ignored."""
         md5 = self.types.get(kind, {}).get("md5", "*")
 
@@ -59,7 +59,7 @@ class Ros1:
             header = message._connection_header  # noqa: SLF001 - rospy's way
             published_type, its_md5 = header.get("type", kind), header.get("md5sum", "*")
             if published_type == kind and (its_md5 == md5 or "*" in (its_md5, md5)):
-                hand(message._buff)  # noqa: SLF001 - the bytes; AnyMsg has nothing else
+                take(message._buff)  # noqa: SLF001 - the bytes; AnyMsg has nothing else
             elif topic not in self._odd:
                 self._odd.add(topic)
                 theirs, ours = f"{published_type} ({its_md5})", f"{kind} ({md5})"
@@ -182,12 +182,12 @@ class Rcl(Cdr):
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
         self._spinning = False  # a thread runs callbacks
 
-    def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
+    def subscribe(self, topic: str, kind: str, history: int, take: Callable[[bytes], None]) -> None:
         """See `bridge.Middleware`."""
         reliable = topic not in self._best_effort
         depth = max(history, MIN_DEPTH)
         qos = self._qos(depth, reliable=reliable, lasting=False)
-        self._node.create_subscription(_class(kind), topic, hand, qos, raw=True)
+        self._node.create_subscription(_class(kind), topic, take, qos, raw=True)
         if not self._spinning:
             self._spinning = True
             self._thread.start()

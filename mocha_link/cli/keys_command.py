@@ -135,18 +135,20 @@ def _lay_out(robot: Robot, team: Path, directory: Path) -> list[str]:
     content, copy = team.read_bytes(), folder / team.name
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if not copy.exists() or copy.read_bytes() != content:
-            with new_file(copy) as file:
-                file.write(content)
+        different = not copy.exists() or copy.read_bytes() != content
     except OSError as error:
         raise TeamTextError(f"cannot write {copy}: {error.strerror}") from None
+    if different:
+        _write(copy, content)
     if not secret.exists() and earlier.exists():
         keys.write(secret, robot.name, keys.read(earlier))
     if not secret.exists():
         return [f"  {robot.name}: its secret is not here; {copy} is its new team file"]
     there, name = f"{ROBOT_FOLDER}/{shlex.quote(team.name)}", shlex.quote(robot.name)
+    host = robot.address or f"ADDRESS-OF-{robot.name}"  # it may be found by mDNS
+    place = f"[{host}]" if ":" in host else host
     return [
-        f"  scp -p {shlex.quote(str(folder))}/* {robot.address}:{ROBOT_FOLDER}/",
+        f"  scp -p {shlex.quote(str(folder))}/* {shlex.quote(f'{place}:{ROBOT_FOLDER}/')}",
         f"      mocha-link node {there} --robot {name} --keys {ROBOT_FOLDER}",
     ]
 
@@ -268,6 +270,7 @@ def _read(path: Path) -> tuple[str, bytes]:
 
 
 def _write(path: Path, raw: bytes) -> None:
+    """Write a file in one step; what was there stays until then. Raises TeamTextError."""
     try:
         check_links(path)
     except OSError as error:
@@ -276,8 +279,11 @@ def _write(path: Path, raw: bytes) -> None:
     fresh = path.with_name(path.name + ".new")
     try:
         with new_file(fresh) as file:
-            os.fchmod(file.fileno(), path.stat().st_mode & 0o777)
+            if path.exists():
+                os.fchmod(file.fileno(), path.stat().st_mode & 0o777)
             file.write(raw)
+            file.flush()
+            os.fsync(file.fileno())
         fresh.replace(path)
     except OSError as error:
         fresh.unlink(missing_ok=True)

@@ -31,7 +31,7 @@ SEND_BEFORE_READY_S = (
 
 _READ_BYTES = 64 * 1024
 _TURN_BYTES = 4 * 1024 * 1024  # read in a row, so that no peer starves the others
-_MAX_REPLY_BYTES = 1024 * 1024  # queued replies to heartbeats
+_MAX_PONG_BYTES = 1024 * 1024  # queued replies to the peer's heartbeats
 
 
 class Connection:
@@ -200,7 +200,7 @@ class Connection:
         return kernel.unanswered(self._socket)
 
     def close(self) -> None:
-        """Close after queued bytes have been sent."""
+        """Close; the kernel sends what it has taken, bytes that are queued here are dropped."""
         self._socket.close()
 
     def abort(self) -> None:
@@ -268,7 +268,7 @@ class Connection:
             taken += count
             replies = self._protocol.receive(data) if room is None else self._protocol.filled(count)
             self._out.reply(replies)
-            if self._out.reply_bytes > _MAX_REPLY_BYTES:
+            if self._out.reply_bytes > _MAX_PONG_BYTES:
                 raise zmtp.ZmtpError("the peer does not read the replies that it requests")
         return taken > 0
 

@@ -129,7 +129,7 @@ class Dialer:
         return takes_more
 
     def hang_up(self, peer: str, *, void: bool) -> None:
-        """Close the connection to a peer after sending queued bytes; at once if it is `void`."""
+        """Close the connection to a peer; if it is `void`, without what the kernel has not sent."""
         connection = self._connections.pop(peer, None)
         self._needs_polling.discard(peer)
         if isinstance(connection, Attempts):
@@ -222,8 +222,7 @@ class Dialer:
         if not hosts:
             why = self.book.failure(peer)
         if why:
-            self._connections.pop(peer, None)
-            self._needs_polling.discard(peer)
+            self.hang_up(peer, void=True)  # attempts may run at addresses that have expired
             self._lost(peer, why)
         return None
 

@@ -167,8 +167,12 @@ class Node(Startable):
             keys=self._peer_keys,
             simulated=not isinstance(self.clock, SystemClock),
         )
-        transport.start()
-        self._transport = transport
+        self._transport = transport  # before its thread starts: listeners use it from there
+        try:
+            transport.start()
+        except BaseException:
+            self._transport = None
+            raise
         if self._radio and not self._closed:
             try:
                 self._radio.start(_weakly(self._signal_received))
@@ -243,8 +247,9 @@ class Node(Startable):
 
         While `min_interval_s` of the topic has not passed since the last message, the new message
         waits. A newer message replaces the waiting one, or joins it if the topic has `aggregate`.
-        If the node has a working `storage`, the message is on disk when the call returns (except
-        for a call from a listener, which must not wait).
+        If the node has a working `storage`, the message is on disk when the call returns, with two
+        exceptions: a message that waits for its interval is stored when the interval has passed,
+        by `flush` or by `close`; and a call from a listener does not wait for the disk.
 
         Args:
             topic: the name of a topic of this robot.

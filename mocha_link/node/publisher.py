@@ -97,10 +97,12 @@ class Publisher:
         last_ms = self._last_ms.get(topic.name)
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
         latest_ms = wire.latest_ms(now_s)
+        # A stamp of a clock that was wrong by more than a century does not count: nodes refuse
+        # that message, and every one with a later stamp.
         if newest is not None and is_void(newest.stamp_ms, latest_ms):
-            newest = None  # our clock was wrong by more than a century: nodes refuse that message,
+            newest = None
         if last_ms is not None and is_void(last_ms, latest_ms):
-            last_ms = None  # and every later one
+            last_ms = None
         if newest is not None and (last_ms is None or newest.stamp_ms > last_ms):
             stamp_ms = self._stamp_after(topic, newest, now_s, data)
         else:

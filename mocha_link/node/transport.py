@@ -92,27 +92,32 @@ class Transport:
         # Bad input from one peer must not stop the node for the others.
         self._guard = Guard(f"{me.name}: an error in the node", log=NodeLog(me.name))
         self._stopping = False  # set by `close`
+        self._starting = threading.Lock()  # held by `start`, for which `close` waits
         self._thread = threading.Thread(target=self._run, name=f"mocha-link {me.name}", daemon=True)
 
     def start(self) -> None:
         """Bind the ports and start the thread.
 
-        Raises PortInUseError or ListenError, and closes everything in that case.
+        Raises PortInUseError, ListenError, or RuntimeError (the system has no thread left), and
+        closes everything in that case. After `close` it does nothing.
         """
-        try:
-            self._ports.provide_descriptors()
-            self._ports.open()
-            self._dialer.start()
-            if self._mdns:
-                self._mdns.start()
-        except BaseException:
-            self._close_all()
-            raise
-        self._ports.watch()
-        self._waker.watch(self._poller)
-        if self._own_addresses.number is not None:
-            self._poller.register(self._own_addresses.number, zmq.POLLIN)
-        self._thread.start()
+        with self._starting:
+            if self._stopping:
+                return
+            try:
+                self._ports.provide_descriptors()
+                self._ports.open()
+                self._dialer.start()
+                if self._mdns:
+                    self._mdns.start()
+                self._ports.watch()
+                self._waker.watch(self._poller)
+                if self._own_addresses.number is not None:
+                    self._poller.register(self._own_addresses.number, zmq.POLLIN)
+                self._thread.start()
+            except BaseException:
+                self._close_all()
+                raise
 
     def wake(self) -> None:
         """Wake the thread for a turn; from any thread."""
@@ -130,9 +135,13 @@ class Transport:
         """Stop and close everything; from any thread, also from a callback."""
         self._stopping = True
         self.wake()
-        if self._thread.ident is None:
-            self._close_all()
-        elif self._thread is not threading.current_thread():
+        if self._thread is threading.current_thread():
+            return
+        with self._starting:
+            started = self._thread.ident is not None
+            if not started:
+                self._close_all()
+        if started:
             self._thread.join(CLOSE_S)
             if self._thread.is_alive():
                 name = self._gossip.me.name

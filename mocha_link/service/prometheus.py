@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import socket
+import sys
 import threading
 import time
 from functools import partial
@@ -26,6 +28,8 @@ from mocha_link.node import Node
 MAX_CONNECTIONS = 8
 POLL_S = 0.1
 REQUEST_S = 5.0  # from the connection to the end of the reply
+
+LOG = logging.getLogger("mocha_link")
 
 _SIGNALS = {Unit.DBM: "dbm", Unit.SNR_DB: "snr_decibels", Unit.DEVICE: "device_units"}
 _TOTAL = "_total"  # how the names of counters end
@@ -188,7 +192,11 @@ class _Server(ThreadingTCPServer):
                         connection.shutdown(socket.SHUT_RDWR)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A reader that goes away is none of our business."""
+        """Log what ended a request, unless its reader has hung up."""
+        del request, client_address
+        error = sys.exception()
+        if not isinstance(error, OSError):
+            LOG.error("serving metrics to Prometheus: an error", exc_info=error)
 
 
 class PrometheusServer(Startable):
@@ -216,19 +224,21 @@ class PrometheusServer(Startable):
     def start(self) -> None:
         """Begin to serve. Raises PrometheusError if the address is taken or not ours."""
         try:
-            self._server = _Server(self._address, self._node)
+            server = _Server(self._address, self._node)
         except OSError as error:
             raise PrometheusError(
                 f"cannot serve metrics on {joined(*self._address)}: {error.strerror}; "
                 "choose another port, or an address of this machine"
             ) from None
-        self._thread = threading.Thread(
-            target=self._server.serve_forever,
-            args=(POLL_S,),
-            name="mocha-link prometheus",
-            daemon=True,
+        thread = threading.Thread(
+            target=server.serve_forever, args=(POLL_S,), name="mocha-link prometheus", daemon=True
         )
-        self._thread.start()
+        try:
+            thread.start()
+        except BaseException:
+            server.server_close()
+            raise
+        self._server, self._thread = server, thread
 
     def close(self) -> None:
         """Stop serving; may be called twice."""

@@ -68,7 +68,14 @@ class EndpointServer(Startable):
             daemon=True,
         )
         self._unsubscribe = self._node.subscribe(self._note)
-        self._thread.start()
+        try:
+            self._thread.start()
+        except BaseException:
+            self._thread = None
+            self._unsubscribe()
+            for each in (listener, self._waker, woken):
+                each.close()
+            raise
 
     def close(self) -> None:
         """Stop serving; may be called twice."""

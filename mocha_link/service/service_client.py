@@ -162,8 +162,9 @@ class EndpointClient(_Connection):
         except (ValueError, LookupError, AttributeError, TypeError, RecursionError):
             raise self.wrong_server() from None
         self._hang_up()
+        limit_s = self._timeout_s + wait_s
         raise self.unreachable(
-            f"no answer from {self.endpoint} within {self._timeout_s:g} s; is a {self.server_kind} "
+            f"no answer from {self.endpoint} within {limit_s:g} s; is a {self.server_kind} "
             f"running there with {self.server_option} {self.endpoint}?"
         )
 

@@ -150,8 +150,8 @@ class Database:
     def insert(self, record: Record, now_s: float) -> bool:
         """Store a message if it is among the newest of its topic; whether it was.
 
-        One with a header that is already here is the same message and not stored again; nor is
-        one whose stamp is not the time of its header, or that was received at no time.
+        A message whose header is already here is the same one, and is not stored again. Refused
+        is one whose stamp is not the time of its header, or whose time of reception is not finite.
         """
         header = record.header
         is_of_header = record.stamp_ms % WRAP_MS == header.seconds * 1000 + header.milliseconds
@@ -265,7 +265,11 @@ class Database:
             self._storage.drop(old.number, old.record.header.key)
 
     def _begin(self, storage: Storage) -> None:
-        """Take what the file has; if not all of it could be read, as a database of another name."""
+        """Take the messages of the file, with their numbers if all of it could be read.
+
+        Otherwise they are numbered anew under a new epoch: the numbers of lost messages would be
+        given to others.
+        """
         found = storage.load(self._epoch)
         last_s = found.last_s()
         for number, record in found.records.items():

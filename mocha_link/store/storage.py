@@ -1,8 +1,9 @@
-"""The database's copy on disk: written behind its back, in order, by one thread.
+"""The database's copy on disk, written in order by a thread of its own.
 
-What is given to it is committed together with all that has come meanwhile (group commit), so a
-slow disk makes longer transactions, not a longer queue; so long that the journal would grow they
-are not (`changes`). See `storage_file` for the file.
+Changes that are made during a commit share the next one (group commit): a slow disk makes longer
+transactions, not a longer queue. Their length is bounded, so that the journal does not grow
+(`changes`). What was committed survives a loss of power; `wait` returns when it is. See
+`storage_file` for the file.
 
 When the file cannot be written (disk full, damaged, locked by another process, directory missing)
 the storage reports the fault once, to the log and to `on_fault`; the database continues in memory.
@@ -80,7 +81,7 @@ class Storage:
         self._epoch = 0  # of the database that is kept
         # after a fault: what the file lacks
         self._reconcile: Callable[[Contents, Storage], None] | None = None
-        self._thread: threading.Thread | None = None  # writes to the file
+        self._thread: threading.Thread | None = None  # writes to the file, from `start` on
         self._backlog = Backlog()
 
     @property
@@ -113,8 +114,9 @@ class Storage:
         """
         self._epoch = epoch
         self._reconcile = reconcile
-        self._thread = threading.Thread(target=self._run, name="mocha_link storage", daemon=True)
-        self._thread.start()
+        thread = threading.Thread(target=self._run, name="mocha_link storage", daemon=True)
+        thread.start()
+        self._thread = thread
 
     def put(self, number: int, record: Record) -> None:
         """For the database: a message to write."""
@@ -148,6 +150,8 @@ class Storage:
         self._backlog.close()
         if self._thread:
             self._thread.join(timeout_s)
+        else:  # the database was not made
+            self._close_file()
         left = self._backlog.left
         if left:
             what = "1 change is" if left == 1 else f"{left} changes are"

@@ -189,9 +189,11 @@ class StorageFile:
         self._connection.execute("INSERT OR REPLACE INTO about VALUES (1, ?)", (_u64(epoch),))
 
     def adopt(self, config: TeamConfig, contents: Contents) -> int:
-        """Go on under a team's configuration; how many messages went, as their ids mean others.
+        """Use the file with a team's configuration; returns how many messages were deleted.
 
-        What peers have offered was judged by the earlier one, so it is not known any more.
+        If it differs from the file's, messages are deleted whose ids stand for another robot or
+        topic by now, and so is everything known of peers: what they have offered was judged by the
+        earlier configuration.
         """
         run = self._connection.execute
         row = run("SELECT mark, names FROM terms").fetchone()

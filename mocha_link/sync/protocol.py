@@ -83,7 +83,7 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Disconnect:
-    """Close the connection to a peer after sending queued bytes; at once if it is `void`.
+    """Close the connection to a peer; if it is `void`, without what the kernel has not sent.
 
     Retransmissions of an aborted pull would otherwise reach the peer during the next one.
     """

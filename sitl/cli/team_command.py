@@ -8,10 +8,10 @@ import click
 
 from air_router.cli import print_json, rover_option
 from air_router.errors import ExitCode, UsageError
+from air_router.files import write_whole
 from air_router.mission import Mission, load_mission
 from air_router.vehicle import PaceClient
 from mocha_link.cli import PATH, Options, Parsed, command, option
-from mocha_link.path_safety import new_file
 from mocha_link.team import DocumentError, Team
 from sitl.cli.arguments import epoch, pace_source
 from sitl.process import stop_signal
@@ -121,8 +121,7 @@ def _simulate(
         if arguments.report is not None:
             arguments.report.parent.mkdir(parents=True, exist_ok=True)
             text = json.dumps(content, indent=1, allow_nan=False)
-            with new_file(arguments.report) as file:
-                file.write(f"{text}\n".encode())
+            write_whole(arguments.report, f"{text}\n", replace=True)
     return ExitCode.DONE
 
 

@@ -215,7 +215,9 @@ class Frame:
 
     @property
     def intact(self) -> bool:
-        """Whether a known message has the checksum that it should have."""
+        """Whether it is a known message with the checksum that it should have."""
+        if self.name not in DEFINITIONS:
+            return False
         end = _HEADER + self.data[1]
         checksum = DEFINITIONS[self.name].checksum(self.data[1:end])
         return checksum == self.data[end : end + _CHECKSUM]

@@ -18,6 +18,21 @@ _READ: Final = 4096
 _LONGEST: Final = 1000  # bytes of a line; a peer that sends more is not one of ours
 _AGAIN_S: Final = 0.1  # between two attempts to connect
 
+_NOT_OURS: Final = (ValueError, KeyError, TypeError, OverflowError, RecursionError)
+"""What is raised for a line of another program."""
+
+
+def _received(unread: bytes) -> tuple[list[Any], bytes]:
+    """The newest message, if one is complete, and the begun line.
+
+    Raises:
+        ValueError, RecursionError: it is no message of ours.
+    """
+    *whole, rest = unread.split(b"\n")
+    if max(map(len, (*whole, rest))) > _LONGEST:
+        raise ValueError("a line is too long")
+    return [json.loads(text) for text in whole[-1:]], rest
+
 
 class PaceServer(Pace):
     """Where the processes of a world connect; see `air_router.vehicle.pace` for their messages.
@@ -35,6 +50,7 @@ class PaceServer(Pace):
     def __init__(self, bind: Address, expected: int) -> None:
         super().__init__(expected)
         self._unread: dict[socket.socket, bytes] = {}  # by connection: the begun line
+        self._names: dict[socket.socket, str] = {}  # by connection: the name that it reports
         self._followers: set[socket.socket] = set()  # vehicles that want the limit
         self._last: Limit | None = None  # that was sent to the followers
         try:
@@ -95,28 +111,29 @@ class PaceServer(Pace):
             return
         except OSError:
             chunk = b""
-        *whole, rest = (self._unread[client] + chunk).split(b"\n")
         try:
-            for text in whole[-1:]:  # the newest is complete
-                self._take(client, json.loads(text))
-        except (ValueError, KeyError, TypeError):
-            _log.warning("what came in on the port of the pace is none of it: hung up")
+            messages, self._unread[client] = _received(self._unread[client] + chunk)
+            for fields in messages:
+                self._take(client, fields)
+        except _NOT_OURS:
+            _log.warning("what was received on the port of the pace is none of it: hung up")
             chunk = b""
-        if chunk and len(rest) <= _LONGEST:
-            self._unread[client] = rest
-        else:
+        if not chunk:
             self._drop(client)
 
     def _take(self, client: socket.socket, fields: Any) -> None:
         name, time_s = str(fields["name"]), float(fields["reached_s"])
         if not math.isfinite(time_s):
             raise ValueError("no time")
+        if self._names.setdefault(client, name) != name:
+            raise ValueError("another name")
         self.reached(client, name, time_s, time.monotonic())
         if fields.get("follows"):
             self._followers.add(client)
 
     def _drop(self, client: socket.socket) -> None:
         del self._unread[client]
+        self._names.pop(client, None)
         self._followers.discard(client)
         self.left(client)
         client.close()
@@ -128,10 +145,12 @@ class PaceServer(Pace):
         sent = line({"until_s": round(limit.until_s, 3), "most_speed": limit.most_speed})
         for client in tuple(self._followers):
             try:
-                client.send(sent)
+                whole = client.send(sent) == len(sent)  # else the next line would not be one
             except BlockingIOError:
                 continue  # it has not read the last thousand yet
             except OSError:
+                whole = False
+            if not whole:
                 self._drop(client)
 
 
@@ -173,12 +192,16 @@ class FollowedPace(Pace):
         if not chunk:
             self.close()
             return True
-        *whole, self._unread = (self._unread + chunk).split(b"\n")
-        for text in whole[-1:]:
-            fields = json.loads(text)
-            self._limit = Limit(float(fields["until_s"]), float(fields["most_speed"]))
-            self._limit_received_s = time.monotonic()
-        return bool(whole)
+        try:
+            messages, self._unread = _received(self._unread + chunk)
+            for fields in messages:
+                self._limit = _limit_of(fields)
+                self._limit_received_s = time.monotonic()
+        except _NOT_OURS:
+            _log.warning("%s does not set the pace of a world: it is not followed", self._source)
+            self.close()
+            return True
+        return bool(messages)
 
     def limit(self, time_s: float, wall_s: float, received_s: float = math.inf) -> Limit:
         """See `Pace.limit`; reports to the other one how far we are."""
@@ -208,8 +231,18 @@ class FollowedPace(Pace):
             if time_s != self._sent_s:
                 self._sent_s = time_s
                 fields = {"name": self._name, "reached_s": round(time_s, 3), "follows": True}
-                self._socket.send(line(fields))
+                sent = line(fields)
+                if self._socket.send(sent) < len(sent):  # the next line would not be one
+                    self.close()
         except (BlockingIOError, ConnectionRefusedError):
             pass  # it has a thousand of ours to read, or is about to begin
         except OSError:
             self.close()
+
+
+def _limit_of(fields: Any) -> Limit:
+    """The limit in a message. Raises one of `_NOT_OURS`."""
+    limit = Limit(float(fields["until_s"]), float(fields["most_speed"]))
+    if math.isnan(limit.until_s) or not limit.most_speed > 0:
+        raise ValueError("no limit")
+    return limit

@@ -6,8 +6,8 @@ from itertools import product
 from pathlib import Path
 
 from air_router.errors import AirRouterError
+from air_router.files import write_whole
 from air_router.sim import PORTS, is_free
-from mocha_link.path_safety import new_file
 from mocha_link.team import Robot, Team
 
 _ATTEMPTS = 50
@@ -34,8 +34,7 @@ def derive_team(team: Team, directory: Path) -> Team:
         if all(_all_free(robot) for robot in candidate.robots.values()):
             directory.mkdir(parents=True, exist_ok=True)
             path = directory / "team.yaml"
-            with new_file(path) as file:
-                file.write(candidate.dump().encode())
+            write_whole(path, candidate.dump(), replace=True)
             return Team.load(path)
     raise NoFreePortsError(
         f"found no free loopback ports in {_ATTEMPTS} attempts; the system must let programs bind "

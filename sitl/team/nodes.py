@@ -150,13 +150,18 @@ class GroundNodes(Closeable):
             self.nodes[publication.robot].publish(publication.topic, publication.data)
 
     def arrived(self) -> Iterator[tuple[str, Message]]:
-        """What has reached each robot since the last call; maps of those that fly are noted."""
+        """What has reached each robot since the last call; maps of those that fly are noted.
+
+        Each message comes once. One that a newer message has replaced by now (`history` of its
+        topic) does not come.
+        """
         while True:
             try:
                 name, event = self._arrivals.get_nowait()
             except queue.Empty:
                 return
-            message = self.nodes[name].latest(event.robot, event.topic)
+            versions = self.nodes[name].history(event.robot, event.topic)
+            message = next((each for each in versions if each.header == event.header), None)
             if message is None:
                 continue
             topic = self._team.topic(event.robot, event.topic)

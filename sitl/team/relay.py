@@ -30,6 +30,7 @@ CHUNK_BYTES = 64 * 1024
 
 _RATE_TICK_S = 0.01  # how often a limited link checks for new credit
 _RATE_BURST_S = 0.05  # a limited link may send this much of its rate at once
+_ACCEPT_AGAIN_S = 0.1  # after a connection could not be accepted
 _RESET = struct.pack("ii", 1, 0)  # SO_LINGER that closes with a reset: the peer learns of it
 
 Endpoint = tuple[str, int]
@@ -211,11 +212,14 @@ class Relay(Closeable):
 
     async def _accept(self, listener: socket.socket, pair: RelayedPair, link: _RadioLink) -> None:
         while True:
-            with contextlib.suppress(OSError):  # the client gave up before we came
+            try:
                 accepted, _ = await self._loop.sock_accept(listener)
-                connection = self._loop.create_task(self._carry(accepted, pair, link))
-                link.connections.add(connection)
-                connection.add_done_callback(link.connections.discard)
+            except OSError:  # no descriptor is left: raised at once, without a turn of the loop
+                await asyncio.sleep(_ACCEPT_AGAIN_S)
+                continue
+            connection = self._loop.create_task(self._carry(accepted, pair, link))
+            link.connections.add(connection)
+            connection.add_done_callback(link.connections.discard)
 
     async def _carry(self, accepted: socket.socket, pair: RelayedPair, link: _RadioLink) -> None:
         """One connection from its dialling to its end; broken, both ends learn of it at once."""

@@ -51,6 +51,16 @@ def free_ports(host: str, count: int) -> int:
             return base
 
 
+@contextlib.contextmanager
+def no_thread_left() -> Iterator[None]:
+    """No thread can start in the block: the address space has no room for its stack."""
+    before = threading.stack_size(1 << 47)
+    try:
+        yield
+    finally:
+        threading.stack_size(before)
+
+
 def noise(size: int, seed: int = 1) -> bytes:
     """Data that cannot be packed, the same for the same seed."""
     return random.Random(seed).randbytes(size)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from air_router.files import write_whole
 from mocha_link.errors import needs_extra
-from mocha_link.path_safety import new_file
 
 
 def write_parquet(path: Path, rows: Sequence[Sequence[Any]]) -> None:
@@ -27,8 +28,9 @@ def write_parquet(path: Path, rows: Sequence[Sequence[Any]]) -> None:
         head: _of_one_kind(values)
         for head, values in zip(heads, zip(*lines, strict=True), strict=True)
     }
-    with new_file(path) as file:
-        parquet.write_table(pa.table(columns), file, compression="zstd")
+    content = io.BytesIO()
+    parquet.write_table(pa.table(columns), content, compression="zstd")
+    write_whole(path, content.getvalue(), replace=True)
 
 
 def _of_one_kind(values: Sequence[Any]) -> list[Any]:

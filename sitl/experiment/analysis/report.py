@@ -36,7 +36,6 @@ from air_router.errors import UsageError
 from air_router.files import write_whole
 from air_router.words import counted, duration_text
 from mocha_link.errors import MissingExtraError
-from mocha_link.path_safety import new_file
 from sitl.experiment import Experiment, Record, flat, seeds_of, value_of
 from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.calibration import Calibration, Prediction
@@ -162,8 +161,7 @@ class Report:
             "summary.json": json.dumps(self.summary, indent=1) + "\n",
         }
         for name, text in files.items():
-            with new_file(folder / name) as file:
-                file.write(text.encode())
+            write_whole(folder / name, text, replace=True)
         with contextlib.suppress(MissingExtraError):
             write_parquet(folder / "results.parquet", _tidy(self.records))
 

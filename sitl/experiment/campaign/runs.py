@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from air_router.errors import AirRouterError, ExitCode
-from mocha_link.path_safety import check_links, made_folder, new_file
+from air_router.files import write_whole
+from mocha_link.path_safety import check_links, made_folder
 from mocha_link.team import Document
 from sitl.experiment import Experiment, Record, experiment_of
 
@@ -94,12 +95,11 @@ def run_log(folder: Path, *, fresh: bool = False) -> Iterator[RunLog]:
 
 
 def write_archive(path: Path, plan: Path, records: Sequence[Record]) -> None:
-    """Write runs and the file of their experiment."""
+    """Write runs and the file of their experiment; an earlier archive stays until then."""
     lines: list[Record] = [{"file": plan.name, "plan": plan.read_text(encoding="utf-8")}]
     lines += [{**record, "curves": {}} for record in records]
     text = "".join(json.dumps(line, separators=(",", ":")) + "\n" for line in lines)
-    with new_file(path) as file:
-        file.write(lzma.compress(text.encode(), preset=9))
+    write_whole(path, lzma.compress(text.encode(), preset=9), replace=True)
 
 
 def read_archive(path: Path) -> tuple[Experiment, list[Record]]:

@@ -77,9 +77,11 @@ class DecisionRun:
     def __init__(self, settings: RunSettings, seed: int, where: Policy) -> None:
         names = [f"uav{number + 1:02d}" for number in range(settings.uavs)]
         self.run = Run(settings, seed, {name: _Requesting(name, where, self) for name in names})
+        # Put by the run's thread: a decision, the error of the run, or None at its end.
         self._requests: SimpleQueue[Decision | Exception | None] = SimpleQueue()
+        # Put by the thread that calls `next` and `close`: a robot, or None to end the run.
         self._answers: SimpleQueue[str | None] = SimpleQueue()
-        self._thread = threading.Thread(target=self._finish, daemon=True)
+        self._thread = threading.Thread(target=self._finish, daemon=True)  # of the run
 
     def next(self, answer: str | None = None) -> Decision | None:
         """Go on to the next decision; None: the run is over.

@@ -87,12 +87,13 @@ class SeekEnvironment(ParallelEnv):  # type: ignore[misc]  # PettingZoo is typed
         self.possible_agents = [f"uav{number + 1:02d}" for number in range(settings.uavs)]
         self.agents: list[str] = []
         robots = settings.ugvs + settings.base_station
+        # The same for each agent.
         self._observation_space = Box(-MOST, MOST, (GLOBALS + PER_ROBOT * robots,), np.float32)
         self._action_space = Discrete(robots)
-        self._seeds = np.random.default_rng()
-        self._decisions: DecisionRun | None = None
-        self._decision: Decision | None = None
-        self._seen: dict[str, Observation] = {}
+        self._seeds = np.random.default_rng()  # of runs that are given no seed
+        self._decisions: DecisionRun | None = None  # None: no run has begun, or it was closed
+        self._decision: Decision | None = None  # that waits for an action; None: the run is over
+        self._seen: dict[str, Observation] = {}  # by agent, at its last decision
         self._worth = 0.0  # of the run so far
 
     def observation_space(self, agent: str) -> Box:  # noqa: ARG002 - all alike

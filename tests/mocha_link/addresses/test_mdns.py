@@ -15,6 +15,7 @@ from mocha_link.team import Team
 from tests.mocha_link.conftest import Field, own_host
 
 zeroconf = pytest.importorskip("zeroconf")
+ifaddr = pytest.importorskip("ifaddr")
 
 WAIT_S = 20
 
@@ -26,10 +27,15 @@ def without_addresses(team: Team, *names: str) -> Team:
 class Found:
     """Wakes a test when an address has come or gone."""
 
-    def __init__(self, team: Team, name: str, wanted: str) -> None:
+    def __init__(self, team: Team, name: str, wanted: str, **options: float) -> None:
         self.woken = threading.Semaphore(0)
         self.mdns = Mdns(
-            team, team.robot(name), announces=False, wanted=[wanted], wake=self.woken.release
+            team,
+            team.robot(name),
+            announces=False,
+            wanted=[wanted],
+            wake=self.woken.release,
+            **options,
         )
 
     def wait(self) -> None:
@@ -94,6 +100,33 @@ def test_a_flood_of_announcements_leaves_a_few(field: Field):
             assert len(found.mdns.hosts("titan")) == MAX_ANNOUNCEMENTS * MAX_OF_NAME
             stranger.unregister_all_services()
             found.wait()
+        finally:
+            found.mdns.close()
+
+
+def test_a_robot_that_left_while_our_addresses_changed_is_forgotten(field: Field, monkeypatch):
+    """One that is still there keeps its address."""
+    team = without_addresses(field.team, "titan")
+    titan, own = team.robot("titan"), ["192.0.2.1"]
+    monkeypatch.setattr(
+        ifaddr,
+        "get_adapters",
+        lambda: [ifaddr.Adapter("wlan0", "wlan0", [ifaddr.IP(own[0], 24, "wlan0")])],
+    )
+    found = Found(team, "io", "titan", confirm_s=4.0)
+    with zeroconf.Zeroconf(interfaces=[own_host()]) as stranger:
+        found.mdns.start()
+        try:
+            leaves, stays = (announced(titan, [f"127.9.0.{n}"], f"n{n}") for n in (1, 2))
+            for info in (leaves, stays):
+                stranger.register_service(info, cooperating_responders=True)
+                found.wait()
+            assert found.mdns.hosts("titan") == ("127.9.0.2", "127.9.0.1")
+            stranger.registry.async_remove(leaves)  # its farewell is lost
+            own[0] = "192.0.2.2"
+            found.mdns.addresses_changed()
+            found.wait()
+            assert found.mdns.hosts("titan") == ("127.9.0.2",)
         finally:
             found.mdns.close()
 

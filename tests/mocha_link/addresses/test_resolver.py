@@ -11,6 +11,7 @@ from mocha_link.addresses import resolver as module
 from mocha_link.addresses.limits import FRESH_S, RETRY_S
 from mocha_link.addresses.resolver import Resolver
 from mocha_link.links.metrics import Direction, SyncTimedOut
+from tests.mocha_link.conftest import no_thread_left
 
 WAIT_S = 20
 
@@ -113,6 +114,18 @@ def test_an_address_that_was_good_stays_while_the_name_server_is_out_of_reach(na
     resolver.hosts("titan.local")
     resolver.wait()
     assert resolver.hosts("titan.local") == ("10.0.0.5",)
+
+
+def test_a_name_is_resolved_again_when_there_are_threads_again(names, time_s):
+    names.known["titan.local"] = "10.0.0.4"
+    resolver = Woken()
+    with no_thread_left():
+        assert resolver.hosts("titan.local") == ()
+    assert "cannot resolve 'titan.local': " in resolver.failure("titan.local")
+    time_s[0] += RETRY_S + 0.1
+    resolver.hosts("titan.local")
+    resolver.wait()
+    assert resolver.hosts("titan.local") == ("10.0.0.4",)
 
 
 def test_a_name_may_have_addresses_of_both_kinds(names, time_s):

@@ -44,19 +44,19 @@ def pose(name, ros):
 
 
 class FakeMiddleware:
-    """A middleware that keeps what is published, and hands over what a test publishes."""
+    """A middleware that keeps what is published, and passes on what a test publishes."""
 
     ros = 1
 
     def __init__(self):
         self.published = queue.SimpleQueue()
-        self.hands = {}
+        self.takers = {}
         self.ready = threading.Event()
 
-    def subscribe(self, topic, kind, history, hand):
+    def subscribe(self, topic, kind, history, take):
         if topic == "/own":
             raise RuntimeError("no such thing")
-        self.hands[topic] = (kind, hand)
+        self.takers[topic] = (kind, take)
         if topic == "/pose":
             self.ready.set()
 
@@ -106,22 +106,22 @@ def stored(one):
 
 def test_what_the_robot_publishes(server, one, stored, progress, caplog):
     with running(server.endpoint, progress) as middleware:
-        kind, hand = middleware.hands["/pose"]
+        kind, take = middleware.takers["/pose"]
         assert kind == POSE
-        hand(b"nonsense")
-        hand(pose("there", 1))
+        take(b"nonsense")
+        take(pose("there", 1))
         assert stored.get(timeout=60) == "/pose"
         assert one.latest("one", "/pose").data == pose("there", 1)
-        kind, hand = middleware.hands["/goal"]
+        kind, take = middleware.takers["/goal"]
         assert kind == "std_msgs/String"
-        hand(b"")
-        hand(middleware.text(b"not JSON"))
-        hand(middleware.text(b"[5]"))
+        take(b"")
+        take(middleware.text(b"not JSON"))
+        take(middleware.text(b"[5]"))
         assert stored.get(timeout=60) == "/goal"
         assert one.latest("one", "/goal").data == b"[5]"
-        assert set(middleware.hands) == {"/pose", "/goal", "/log"}
+        assert set(middleware.takers) == {"/pose", "/goal", "/log"}
     assert "/pose the node refused: not a geometry_msgs/msg/PoseStamped" in caplog.text
-    assert "/goal not handed on: too short" in caplog.text
+    assert "/goal not published: too short" in caplog.text
     assert ("WARNING", NOT_BRIDGED) in levels(caplog)
     assert "/own cannot be subscribed: no such thing" in caplog.text
 
@@ -130,15 +130,15 @@ def test_topics_without_messages_are_logged_once(server, progress, until_logged)
     now_s = 0.0
     with running(server.endpoint, progress, lambda: now_s) as middleware:
         until_logged("ready")
-        middleware.hands["/pose"][1](pose("there", 1))
+        middleware.takers["/pose"][1](pose("there", 1))
         now_s = QUIET_TOPIC_S
-        until_logged("nothing has come on /goal (std_msgs/String), /log (std_msgs/String) yet")
+        until_logged("no message on /goal (std_msgs/String), /log (std_msgs/String) yet")
 
 
 def test_what_the_robot_published_before_the_end_leaves(server, one, progress):
     with running(server.endpoint, progress) as middleware:
         for number in range(50):
-            middleware.hands["/goal"][1](middleware.text(b"%d" % number))
+            middleware.takers["/goal"][1](middleware.text(b"%d" % number))
     assert one.latest("one", "/goal").data == b"49"
 
 
@@ -147,16 +147,16 @@ def test_a_bridge_ends_while_the_robot_goes_on_talking(server, progress, monkeyp
     publish, talking, over = ServiceClient.publish, threading.Event(), threading.Event()
     try:
         with running(server.endpoint, progress) as middleware:
-            hand = middleware.hands["/goal"][1]
+            take = middleware.takers["/goal"][1]
 
             def answer(*arguments, **options):
                 if not over.is_set():
-                    hand(middleware.text(b"2"))  # before this one has left
+                    take(middleware.text(b"2"))  # before this one has left
                 talking.set()
                 return publish(*arguments, **options)
 
             monkeypatch.setattr(ServiceClient, "publish", answer)
-            hand(middleware.text(b"1"))
+            take(middleware.text(b"1"))
             assert talking.wait(60)
     finally:
         over.set()
@@ -170,7 +170,7 @@ def test_a_node_without_the_extra_for_ros(two, progress, caplog, monkeypatch):
         team = client.team()
     middleware = FakeMiddleware()
     Bridge(bare.endpoint, middleware, progress)._subscribe(team)
-    assert set(middleware.hands) == {"/goal"}
+    assert set(middleware.takers) == {"/goal"}
     assert "geometry_msgs/PoseStamped is unknown to the node: it needs the extra" in caplog.text
 
 
@@ -197,9 +197,9 @@ def test_what_others_publish(server, two, pulled, progress, until_logged):
     """One after another: only the newest of a topic is kept, and a slow bridge may miss others."""
     with running(server.endpoint, progress) as middleware:
         pulled("/pose", b"nonsense")
-        until_logged("/two/pose passed over: not a geometry_msgs/msg/PoseStamped")
+        until_logged("/two/pose skipped: not a geometry_msgs/msg/PoseStamped")
         pulled("/pose", pose("breaks", 2))
-        until_logged("/two/pose passed over: broken")
+        until_logged("/two/pose skipped: broken")
         pulled("/pose", pose("here", 2))
         two.publish("/raw", b"grid")
         two.publish("/own", b"\0\1\0\0\7\0")
@@ -215,7 +215,7 @@ def test_what_others_publish(server, two, pulled, progress, until_logged):
 def test_what_others_publish_to_programs_is_no_fault(progress, caplog):
     caplog.set_level(logging.INFO)
     about = {"robot": "two", "topic": "/raw", "type": "grid/Map", "header": "00"}
-    Bridge("ipc://unused", FakeMiddleware(), progress)._hand_on(about, b"", 1, {"types": {}})
+    Bridge("ipc://unused", FakeMiddleware(), progress)._publish(about, b"", 1, {"types": {}})
     assert levels(caplog) == [("INFO", NOT_BRIDGED)]
 
 
@@ -247,17 +247,34 @@ def test_a_node_that_restarts(server, pulled, stored, progress, until_logged):
     with running(server.endpoint, progress) as middleware:
         assert middleware.published.get(timeout=60)[2] == pose("1", 1)
         server.close()
-        middleware.hands["/pose"][1](pose("a", 1))
-        middleware.hands["/pose"][1](pose("b", 1))
+        middleware.takers["/pose"][1](pose("a", 1))
+        middleware.takers["/pose"][1](pose("b", 1))
         pulled("/goal", b"2")
         assert stored.get(timeout=60) == "/goal"
         until_logged("waiting for the node")
         with ServiceServer(server.node, server.endpoint):
             assert [stored.get(timeout=60) for _ in range(2)] == ["/pose", "/pose"]
             assert server.node.latest("one", "/pose").data == pose("b", 1)
-            # Numbers begin anew with the service, but nothing is handed on twice.
+            # Numbers begin anew with the service, but nothing is published twice.
             assert middleware.published.get(timeout=60)[2] == middleware.text(b"2")
             assert middleware.published.empty()
+
+
+def test_an_outage_of_one_direction_is_logged_once(server, stored, progress, caplog, monkeypatch):
+    """The node answers requests for messages of others, and none to publish."""
+    publish, left = ServiceClient.publish, iter(range(20))
+
+    def unanswered(*arguments, **options):
+        if next(left, None) is not None:
+            raise ServiceUnreachableError("no answer")
+        return publish(*arguments, **options)
+
+    monkeypatch.setattr(ServiceClient, "publish", unanswered)
+    with running(server.endpoint, progress) as middleware:
+        middleware.takers["/pose"][1](pose("there", 1))
+        assert stored.get(timeout=60) == "/pose"
+    assert caplog.text.count("waiting for the node: no answer") == 1
+    assert caplog.text.count("the node answers again") == 1
 
 
 def test_a_bridge_whose_node_is_away_ends_at_once(server, progress, until_logged, monkeypatch):
@@ -272,7 +289,7 @@ def test_a_bridge_whose_node_is_away_ends_at_once(server, progress, until_logged
     monkeypatch.setattr(ServiceClient, "publish", publish)
     try:
         with running(server.endpoint, progress) as middleware:
-            middleware.hands["/goal"][1](middleware.text(b"1"))
+            middleware.takers["/goal"][1](middleware.text(b"1"))
             assert requested.wait(60)
             server.close()
             until_logged("waiting for the node")
@@ -311,9 +328,9 @@ def test_it_survives_a_restart(tmp_path):
     progress.close()
     again = Progress(path)
     assert again.place == ("a-1", 5)
-    assert again.handed("/io/pose", "0011")
-    assert not again.handed("/io/pose", "0012")
-    assert not again.handed("/io/path", "0011")
+    assert again.published("/io/pose", "0011")
+    assert not again.published("/io/pose", "0012")
+    assert not again.published("/io/path", "0011")
     again.close()
 
 
@@ -323,9 +340,9 @@ def test_it_forgets_what_is_long_past():
         progress.note("/a", str(number), history=3)
         progress.note("/a", str(number), history=3)
         progress.note("/b", "x")
-    known = [number for number in range(100) if progress.handed("/a", str(number))]
+    known = [number for number in range(100) if progress.published("/a", str(number))]
     assert known == list(range(100 - 3 - SPARE, 100))
-    assert progress.handed("/b", "x")
+    assert progress.published("/b", "x")
     progress.close()
 
 
@@ -370,7 +387,7 @@ def test_a_disk_that_becomes_full(tmp_path, caplog):
         progress.note(f"/{number}", "h" * 200)
     progress.move(("a", 2))
     assert progress.place == ("a", 2)
-    assert all(progress.handed(f"/{number}", "h" * 200) for number in range(200))
+    assert all(progress.published(f"/{number}", "h" * 200) for number in range(200))
     progress.close()
     assert caplog.text.count("cannot use state: database or disk is full") == 1
     again = Progress(tmp_path / "state")

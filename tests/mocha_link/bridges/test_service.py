@@ -298,6 +298,14 @@ def test_any_socket_may_send_requests(server):
                 assert json.loads(answer[-1])["id"] == "x"
 
 
+def test_the_time_that_is_reported_is_that_of_the_whole_wait(server):
+    with ServiceClient(server.endpoint, timeout_s=0.1) as client:
+        place, _ = client.since(own=True)
+        server.close()
+        with pytest.raises(ServiceUnreachableError, match=r"within 0\.3 s"):
+            client.since(place, own=True, wait_s=0.2)
+
+
 def test_a_node_that_comes_back(one, server):
     with (
         ServiceClient(server.endpoint, timeout_s=60) as patient,

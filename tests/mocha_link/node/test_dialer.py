@@ -3,10 +3,12 @@
 import contextlib
 import socket
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
 import pytest
 
+from mocha_link.addresses.limits import SEEN_S
 from mocha_link.links import SyncEnded, SyncTimedOut
 from mocha_link.node import Node
 from mocha_link.node.dialer import Dialer
@@ -33,14 +35,19 @@ def moved(team: Team, address: str | None, listen: str) -> Team:
     return team.with_robots(changes)
 
 
-def dialer_of(team: Team, poller: Poller) -> Dialer:
+def dialer_of(
+    team: Team,
+    poller: Poller,
+    link_keys: LinkKeys | None = None,
+    lost: Callable[[str, str], None] = lambda _peer, _why: None,
+) -> Dialer:
     return Dialer(
         team,
         team.robot("io"),
         poller,
-        keys=LinkKeys(),
+        keys=link_keys or LinkKeys(),
         wake=lambda: None,
-        lost=lambda _peer, _why: None,
+        lost=lost,
     )
 
 
@@ -100,12 +107,15 @@ class Named:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.hosts: tuple[str, ...] = ()
+        self.fails = False
         self.threads: set[threading.Thread] = set()
         monkeypatch.setattr(socket, "getaddrinfo", self.addresses)
 
     def addresses(self, name: str, *_: object) -> list[tuple[object, ...]]:
         assert name == "titan.local"
         self.threads.add(threading.current_thread())
+        if self.fails:
+            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
         return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (each, 0)) for each in self.hosts]
 
 
@@ -145,6 +155,36 @@ def test_a_peer_is_found_again_where_its_name_points_now(field, named):
         saw.node.sync("titan")  # the name is resolved anew at most once in a second
         saw.wait((SyncEnded, SyncTimedOut), peer="titan")
     assert saw.node.latest("titan", "/map").data == b"another"
+
+
+def test_attempts_end_with_the_addresses_of_their_peer(field, named, poller, monkeypatch):
+    """They leave no socket with the poller: the next one may have its number."""
+    team = field.team.with_robots({"titan": {"address": "titan.local"}})
+    secret, key = SecretKey.generate(), SecretKey.generate().public
+    hosts, now_s, lost = ["127.0.0.80", "127.0.0.81"], [time.monotonic()], []
+    monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
+    named.fails = True
+    dialer = dialer_of(
+        team, poller, LinkKeys(secret, {"titan": key}), lambda peer, _why: lost.append(peer)
+    )
+    port = team.robot("titan").port_for("io")
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(contextlib.closing(dialer))
+        for host in hosts:
+            stack.enter_context(socket.create_server((host, port)))  # has no key to show
+        for _ in range(2):
+            for host in hosts:
+                dialer.book.came_from("titan", host)  # some minutes ago
+            dialer.connect("titan")
+            dialer.send("titan", b"123456SYNC1")
+            assert "titan" in poller.poll(WAIT_S * 1000).values()
+            now_s[0] += SEEN_S + 1
+            dialer.book.hosts("titan")  # has the name resolved
+            while dialer.book.failure("titan") is None:
+                pass
+            dialer.send("titan", b"123456SYNC1")
+            assert poller.poll(0) == {}
+    assert lost == ["titan", "titan"]
 
 
 def test_with_keys_what_only_takes_connections_holds_up_nothing(field: Field, named, tmp_path):

@@ -1,16 +1,32 @@
 """The end of a node: within a second, whatever happens at that moment."""
 
+import contextlib
 import threading
 
 import pytest
 
 from mocha_link.links.metrics import SyncStarted
-from mocha_link.node.node import LEAST_CLOSE_S, Node
+from mocha_link.node.node import LEAST_CLOSE_S, Node, NodeClosedError
 from mocha_link.radios import ManualRadio
 from mocha_link.store.storage import Storage
+from tests.mocha_link.conftest import no_thread_left
 from tests.mocha_link.store.test_storage import Gate, gated
 
 WAIT_S = 60
+
+
+@pytest.fixture
+def first_event(monkeypatch) -> threading.Event:
+    """`start` of a node does not go on before a listener has set this on the node's thread."""
+    seen, real = threading.Event(), threading.Thread.start
+
+    def start(thread: threading.Thread) -> None:
+        real(thread)
+        if thread.name == "mocha-link titan":
+            assert seen.wait(WAIT_S)
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    return seen
 
 
 def join_nodes() -> None:
@@ -19,27 +35,71 @@ def join_nodes() -> None:
             thread.join(WAIT_S)
 
 
-def test_a_listener_may_close_its_node_while_it_starts(field, monkeypatch):
+def test_a_listener_may_close_its_node_while_it_starts(field, first_event):
     """The first event can come before `start` has returned."""
     node = Node(field.team, "titan", clock=field.clock)  # pulls from all at once
-    closed = threading.Event()
 
     def close(_event: object) -> None:
         node.close()
-        closed.set()
+        first_event.set()
 
     node.subscribe(close)
-    real = threading.Thread.start
-
-    def start(thread: threading.Thread) -> None:
-        real(thread)
-        if thread.name == "mocha-link titan":
-            assert closed.wait(WAIT_S)
-
-    monkeypatch.setattr(threading.Thread, "start", start)
     node.start()
     join_nodes()
     # The fixture sees that no thread is left.
+
+
+def test_a_listener_may_use_its_node_while_it_starts(field, first_event, tmp_path, monkeypatch):
+    """It may request a pull, and does not wait for the disk, which would hold up the node."""
+    gates: list[Gate] = []
+    monkeypatch.setitem(Storage.__init__.__kwdefaults__, "connect", gated(gates))
+    node = Node(
+        field.team,
+        "titan",
+        radio=ManualRadio(),
+        clock=field.clock,
+        storage=tmp_path / "titan.db",
+    )
+    (disk,) = gates
+    began: list[bool] = []
+
+    def pull(event: object) -> None:
+        if not first_event.is_set():
+            began.append(node.sync("io"))
+            disk.open.clear()
+            node.publish("/map", b"grid")
+            first_event.set()
+
+    node.publish("/map", b"empty")  # its event waits for the node's thread
+    node.subscribe(pull)
+    try:
+        node.start()
+        assert began == [True]
+    finally:
+        disk.open.set()
+        node.close()
+
+
+def test_a_node_whose_thread_cannot_start_gives_its_ports_back(field):
+    node = Node(field.team, "titan", radio=ManualRadio(), clock=field.clock)
+    with no_thread_left(), pytest.raises(RuntimeError, match="thread"):
+        node.start()
+    with node:  # on the same ports
+        pass
+
+
+def test_a_node_that_is_closed_while_it_starts_leaves_nothing_open(field):
+    """Another thread closes it, before or after its thread runs."""
+    for _ in range(20):
+        node = Node(field.team, "titan", radio=ManualRadio(), clock=field.clock)
+        closing = threading.Thread(target=node.close)
+        closing.start()
+        with contextlib.suppress(NodeClosedError):
+            node.start()
+        closing.join(WAIT_S)
+    join_nodes()
+    with Node(field.team, "titan", radio=ManualRadio(), clock=field.clock):
+        pass
 
 
 def test_a_listener_that_hangs_and_a_slow_disk_do_not_add_up(field, tmp_path, monkeypatch):

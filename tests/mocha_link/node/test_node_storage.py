@@ -14,7 +14,7 @@ from mocha_link.radios import ManualRadio
 from mocha_link.store.database import Database
 from mocha_link.store.storage import Storage
 from mocha_link.team.keys import KeyMismatchError
-from tests.mocha_link.conftest import TEAM, Field, Witness
+from tests.mocha_link.conftest import TEAM, Field, Witness, no_thread_left
 
 IN, OUT = Direction.IN, Direction.OUT
 TRAILS = TEAM.replace("priority: medium}", "priority: medium, history: 3}")
@@ -32,6 +32,14 @@ def running(field: Field, name: str, **options: object) -> Iterator[tuple[Node, 
     witness = Witness(node)
     with node:
         yield node, witness
+
+
+def test_a_node_without_a_thread_for_its_file_leaves_the_file_to_the_next(field, file):
+    with no_thread_left(), pytest.raises(RuntimeError, match="start new thread"):
+        Node(field.team, "titan", radio=ManualRadio(), storage=file)
+    with running(field, "titan", storage=file) as (titan, _):
+        titan.publish("/map", b"grid")
+        assert titan.storage_fault is None
 
 
 def test_messages_survive_a_restart(field_of, file):

@@ -4,6 +4,7 @@ import contextlib
 import http.client
 import json
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -21,6 +22,7 @@ from mocha_link.service.prometheus import (
     PrometheusServer,
     exposition,
 )
+from tests.mocha_link.conftest import no_thread_left
 
 IO = LinkMetrics(
     "io",
@@ -185,6 +187,44 @@ def test_no_client_holds_a_connection_for_long(node, monkeypatch):
     ):
         slow.sendall(b"GET ")
         assert slow.recv(1) == b""
+
+
+def test_an_error_of_ours_is_logged(node, server, caplog):
+    """The reader only sees that the connection is closed."""
+    node.links = lambda: {}["io"]
+    with pytest.raises(http.client.RemoteDisconnected):
+        fetch(server)
+    (record,) = caplog.records
+    assert record.getMessage() == "serving metrics to Prometheus: an error"
+    assert record.exc_info[0] is KeyError
+
+
+def test_a_reader_that_hangs_up_is_not_logged(node, server, caplog):
+    requested, closed = threading.Event(), threading.Event()
+
+    def links():
+        requested.set()
+        assert closed.wait(60)
+        return {str(number): IO for number in range(2000)}  # more than the kernel takes
+
+    node.links = links
+    with socket.create_connection(place(server)) as reader:
+        reader.sendall(b"GET /metrics HTTP/1.0\r\n\r\n")
+        assert requested.wait(60)
+        reader.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    closed.set()
+    server.close()
+    assert not caplog.records
+
+
+def test_a_server_whose_thread_cannot_start_gives_its_port_back(node, server):
+    host, port = place(server)
+    server.close()
+    again = PrometheusServer(node, f"{host}:{port}")
+    with no_thread_left(), pytest.raises(RuntimeError, match="thread"), again:
+        pass
+    with again:
+        assert fetch(again)[0].status == 200
 
 
 def test_addresses_that_cannot_be_served(node, server):

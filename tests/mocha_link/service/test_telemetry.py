@@ -17,6 +17,7 @@ from mocha_link.node.zmtp import Null, ZmtpSession
 from mocha_link.service import server as server_module
 from mocha_link.service.server import MetricsServer
 from mocha_link.service.service_client import MetricsError, watch
+from tests.mocha_link.conftest import no_thread_left
 from tests.mocha_link.libzmq import bind
 
 
@@ -97,6 +98,21 @@ def test_an_event_that_cannot_be_encoded_is_left_out(server, caplog):
 def test_an_endpoint_that_is_none(server, endpoint):
     with pytest.raises(ListenError, match="cannot serve metrics on"):
         MetricsServer(server.node, endpoint).start()
+
+
+def test_a_server_whose_thread_cannot_start_gives_its_endpoint_back(field, tmp_path):
+    node, _, _ = field.node("titan")
+    endpoint = f"ipc://{tmp_path / 'metrics'}"
+    with (
+        no_thread_left(),
+        pytest.raises(RuntimeError, match="start new thread"),
+        MetricsServer(node, endpoint),
+    ):
+        pass
+    with MetricsServer(node, endpoint) as server:
+        stream = watch(server.endpoint, timeout_s=20)
+        assert next(stream)[0] == "links"
+        stream.close()
 
 
 def test_no_answer(field):

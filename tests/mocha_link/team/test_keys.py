@@ -17,6 +17,7 @@ from mocha_link.team import keys
 from mocha_link.team.document import Document
 from mocha_link.team.keys import KeyFileError, KeyMismatchError, KeysUnavailableError, SecretKey
 from mocha_link.team.team import Team
+from tests.full_disk import files_of_at_most
 
 PATH = Path("team.yaml")
 KINDS = "kinds: {rover: {topics: [{name: /pose, type: json/Pose}]}}\n"
@@ -385,6 +386,36 @@ def test_a_robot_that_joins_gets_its_folder_and_all_get_the_new_team_file(path, 
     for name in "ab":
         assert after[f"{name}/{name}.key"] == before[f"{name}/{name}.key"]
         assert after[f"{name}/team.yaml"][1] == path.read_bytes()
+
+
+def test_the_team_file_of_a_robot_stays_whole_when_the_disk_is_full(path, tmp_path, capsys):
+    assert main(["keys", "--team", str(path)]) == 0
+    before = tree(tmp_path / "keys")
+    path.write_text(path.read_text() + "# changed\n")
+    with files_of_at_most(100):
+        assert main(["keys", "--team", str(path)]) == 1
+    copy = tmp_path / "keys" / "a" / "team.yaml"
+    assert f"cannot write {copy}: File too large" in capsys.readouterr().err
+    assert tree(tmp_path / "keys") == before
+
+
+@pytest.mark.parametrize(
+    ("address", "place"),
+    [
+        (None, "ADDRESS-OF-a:/etc/mocha-link/"),
+        ("a.local", "a.local:/etc/mocha-link/"),
+        ("fd00::2", "'[fd00::2]:/etc/mocha-link/'"),
+        ("fe80::2%wlan0", "'[fe80::2%wlan0]:/etc/mocha-link/'"),
+    ],
+)
+def test_the_command_that_copies_has_a_place_that_scp_takes(path, capsys, address, place):
+    first = f'address: "{address}", ' if address else ""
+    path.write_text(
+        f"robots:\n  a: {{kind: rover, {first}base_port: 10, clients: [b]}}\n"
+        f"  b: {{kind: rover, address: 127.0.0.1, base_port: 20, clients: [a]}}\n{KINDS}"
+    )
+    assert main(["keys", "--team", str(path)]) == 0
+    assert f"/keys/a/* {place}\n" in capsys.readouterr().out
 
 
 def test_secrets_that_an_earlier_command_made_are_laid_out(path, tmp_path):

@@ -32,6 +32,7 @@ from sitl.experiment.campaign.runs import (
 from sitl.experiment.plan_file import load_experiment
 from sitl.experiment.settings import RunSettings
 from tests.command_lines import options_for
+from tests.full_disk import files_of_at_most
 
 ROOT = Path(__file__).parents[3]
 SMALL = """
@@ -264,6 +265,18 @@ def test_archived_seeds_are_made_again_whatever_the_declared_time_is(sitl, tmp_p
     write_archive(archive, sitl.path, records)
     _, pool = sitl(*confirm, "--seeds", "3", "--fresh")
     assert {number for _, number in pool.made} == {10001, 10002}  # 10003 was never begun
+
+
+def test_an_archive_stays_whole_when_the_disk_is_full(sitl, tmp_path):
+    archive = tmp_path / "small-runs.jsonl.xz"
+    experiment, _ = load_experiment(str(sitl.path))
+    records = [made_up.work(task) for task in experiment.tasks(range(2))]
+    write_archive(archive, sitl.path, records)
+    before = archive.read_bytes()
+    with files_of_at_most(100), pytest.raises(OSError, match="File too large"):
+        write_archive(archive, sitl.path, records[:1])
+    assert archive.read_bytes() == before
+    assert list(tmp_path.glob(".small-runs*")) == []
 
 
 def test_a_document_has_verdicts_on_exploration_seeds_in_a_line(sitl, tmp_path):

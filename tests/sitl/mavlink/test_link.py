@@ -13,7 +13,7 @@ from sitl.conformance.conversation import Start, run_steps
 from sitl.conformance.expecting import event_id
 from sitl.conformance.session import LinkKind, Session
 from sitl.mavlink import telemetry
-from sitl.mavlink.codec import DEFINITIONS, Outgoing, Receiver, Sender
+from sitl.mavlink.codec import DEFINITIONS, Outgoing, Receiver, Sender, frames
 from sitl.px4sim.failsafe import Cause
 from sitl.px4sim.parameters import Parameters, UnknownParameterError
 from sitl.px4sim.state import EVENTS, Notice, Severity
@@ -42,6 +42,13 @@ class TestCodec:
         (message,) = receiver.parse(sender.pack(Outgoing("GLOBAL_POSITION_INT", fields)))
         assert {name: getattr(message, name) for name in fields} == fields
         assert (message.get_srcSystem(), message.get_srcComponent(), message.get_seq()) == (3, 1, 1)
+
+    def test_a_frame_of_an_unknown_message_is_not_intact(self):
+        packed = Sender(3).pack(Outgoing("HEARTBEAT", heartbeat()))
+        (known,) = frames(packed)
+        (unknown,) = frames(packed[:7] + b"\xff\xff\xff" + packed[10:])
+        assert (known.name, known.intact) == ("HEARTBEAT", True)
+        assert (unknown.name, unknown.intact) == ("", False)
 
     def test_a_recorded_frame_is_packed_byte_for_byte(self):
         recorded = bytes.fromhex("fd0a0000aa01012a000000000600030111b5ebc2ff5d")

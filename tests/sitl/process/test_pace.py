@@ -217,7 +217,14 @@ def test_two_vehicles_keep_together(make_vehicle):
 
 @pytest.mark.parametrize(
     "data",
-    [b"GET / HTTP/1.1\r\n\r\n", line({"reached_s": 1}), b'{"name": "x", "reached_s": NaN}\n'],
+    [
+        b"GET / HTTP/1.1\r\n\r\n",
+        line({"reached_s": 1}),
+        b'{"name": "x", "reached_s": NaN}\n',
+        b'{"name": "x", "reached_s": 1%s}\n' % (b"0" * 400),
+        b'{"name": "x", "reached_s": %s\n' % (b"[" * 980),
+        line({"name": "x" * 2000, "reached_s": 1}),
+    ],
 )
 def test_an_intruder_is_hung_up_on_and_no_program_waits_for_it(data):
     with PaceServer(("127.0.0.1", 0), 0) as server:
@@ -230,6 +237,60 @@ def test_an_intruder_is_hung_up_on_and_no_program_waits_for_it(data):
         assert intruder.recv(100) == b""
         intruder.close()
         assert server.limit(100.0, 0.0) == Limit()
+
+
+def test_a_connection_reports_one_name():
+    with (
+        PaceServer(("127.0.0.1", 0), 0) as server,
+        socket.create_connection(("127.0.0.1", server.port)) as client,
+    ):
+        for name in ("titan", "titan", "io"):
+            client.sendall(line({"name": name, "reached_s": 1.0}))
+            while not server.attend(server.sockets):
+                pass
+        assert client.recv(100) == b""
+        assert set(server.as_json(1.0)["processes"]) == {"titan"}
+
+
+def test_a_follower_that_does_not_read_is_left_before_it_gets_half_a_line():
+    with (
+        PaceServer(("127.0.0.1", 0), 1) as server,
+        socket.create_connection(("127.0.0.1", server.port)) as follower,
+    ):
+        follower.sendall(line({"name": "vehicle 2", "reached_s": 1e9, "follows": True}))
+        while not server.attend(server.sockets):
+            pass
+        for step in range(1_000_000):
+            server.limit(step / 100, 0.0)
+            if len(server.sockets) == 1:
+                break
+        assert len(server.sockets) == 1
+        with follower.makefile("rb") as lines:
+            *whole, _ = lines
+        assert all("until_s" in json.loads(each) for each in whole)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"SSH-2.0-OpenSSH\r\n",
+        b"x" * 2000,
+        line({"until_s": 1.0}),
+        b'{"until_s": NaN, "most_speed": 1}\n',
+        b'{"until_s": 1%s, "most_speed": 1}\n' % (b"0" * 400),
+        b'{"until_s": %s\n' % (b"[" * 980),
+    ],
+)
+def test_a_vehicle_does_not_follow_what_sets_no_pace(data):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        pace = FollowedPace(PaceSource("127.0.0.1", server.getsockname()[1]), "vehicle 2")
+        pace.limit(0.0, 0.0)
+        other, _ = server.accept()
+        with other:
+            other.sendall(data)
+            while pace.sockets:
+                pace.attend(pace.sockets)
+    assert pace.limit(100.0, 0.0) == Limit()
 
 
 def test_without_a_world_to_report_to_and_after_it_has_ended_nothing_happens():

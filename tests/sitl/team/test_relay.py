@@ -1,4 +1,5 @@
 import contextlib
+import resource
 import select
 import socket
 import threading
@@ -109,6 +110,29 @@ def test_a_cut_in_mid_transfer_stalls_at_once_and_goes_on_when_healed(server):
         assert got == payload
         assert receive(client, 6) == b"credit"
         sender.join(WAIT_S)
+
+
+def test_links_are_cut_and_healed_while_no_descriptor_is_left(server):
+    """A process with many robots reaches its limit; connections wait until there are others."""
+    most, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with relayed(server) as (relay, endpoint), socket.socket() as client:
+        client.setblocking(False)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (client.fileno(), hard))
+        try:
+            client.connect_ex(endpoint)
+            assert select.select([], [client], [], WAIT_S)[1]  # it waits to be accepted
+            healing = threading.Thread(
+                target=relay.set_link, args=("io", "titan"), kwargs={"up": True}, daemon=True
+            )
+            healing.start()
+            healing.join(WAIT_S / 4)
+            assert not healing.is_alive()
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+        with server.accept() as node:
+            client.setblocking(True)
+            client.sendall(b"ping")
+            assert receive(node, 4) == b"ping"
 
 
 def test_a_lasting_cut_closes_the_connections(server):
