@@ -157,6 +157,9 @@ class SentOrder:
 Shown = Callable[[SentOrder], bool]
 """Whether the vehicle follows a command, by its telemetry and acknowledgements."""
 
+Decide = Callable[[], tuple[Px4Order, Shown]]
+"""Returns the command, and how it shows, by the vehicle's state of this moment."""
+
 
 class OrderOutcome(Enum):
     """The outcome of a sent command."""
@@ -208,12 +211,7 @@ class Px4Commands:
         self.check.listen()
 
     async def recheck(
-        self,
-        words: str,
-        out_of: Modes = None,
-        objection: Objection = no_objection,
-        *,
-        anew: bool = False,
+        self, words: str, out_of: Modes = None, objection: Objection = no_objection
     ) -> None:
         """Make sure that a message may be sent now: in this turn of the loop.
 
@@ -221,7 +219,6 @@ class Px4Commands:
             words: What is to be sent, as text.
             out_of: The modes that it may end; None: the mode at the time of the call.
             objection: Returns why it must not be sent; None: it may.
-            anew: Check the mode even if it was checked a moment ago.
 
         Raises:
             NotSentError: The current mode was not received, a failsafe acts, or there is an
@@ -229,7 +226,7 @@ class Px4Commands:
             TakenOverError: The vehicle is in another mode.
         """
         modes = {self._telemetry.mode} if out_of is None else out_of
-        if anew or loop_s() - self._mode_received_s > MODE_FRESH_S:
+        if loop_s() - self._mode_received_s > MODE_FRESH_S:
             if not await self.check.received():
                 raise NotSentError(f"{words} was not sent: no current flight mode was received")
             self._mode_received_s = loop_s()
@@ -275,8 +272,8 @@ class Px4Commands:
 
     async def execute(
         self,
-        order: Px4Order,
-        shown: Shown,
+        words: str,
+        decide: Decide,
         *,
         attempts: int = 1,
         out_of: Modes = None,
@@ -285,8 +282,8 @@ class Px4Commands:
         """Send a command and wait until the vehicle follows it.
 
         Args:
-            order: The command.
-            shown: Whether the vehicle follows it.
+            words: What is to be sent, as text.
+            decide: Called once it may be sent, in the turn of the loop in which it is sent.
             attempts: How often it may be sent at most; repeated only if no other command took
                 effect.
             out_of: See `recheck`, which raises as well.
@@ -297,8 +294,9 @@ class Px4Commands:
             NotConfirmedError: The vehicle does not follow, with the reason if there is one.
             TakenOverError: A pilot chose another mode before the vehicle followed.
         """
-        await self.recheck(order.words, out_of, objection)
+        await self.recheck(words, out_of, objection)
         telemetry = self._telemetry
+        order, shown = decide()
         sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan.ids, loop_s())
         tried = self._tried[order.command]
         tried.begin(sent)
@@ -306,7 +304,7 @@ class Px4Commands:
         for attempt in range(attempts):
             if attempt:
                 try:
-                    await self.recheck(order.words, {sent.before.mode, order.leads_to})
+                    await self.recheck(words, {sent.before.mode, order.leads_to}, objection)
                 except NotSentError:
                     verdict = None  # it was sent before, with an unknown outcome
                     break

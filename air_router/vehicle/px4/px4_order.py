@@ -49,6 +49,11 @@ class Px4Order:
         """Whether it changes the mode or the vehicle's destination."""
         return self.command not in {MavCmd.DO_CHANGE_SPEED, MavCmd.COMPONENT_ARM_DISARM}
 
+    @property
+    def only_in_hold(self) -> bool:
+        """Whether PX4 accepts it in Hold mode only, because it changes no mode."""
+        return self.command == MavCmd.DO_REPOSITION and not self.params[1]
+
     def wire(self, confirmation: int) -> tuple[str, dict[str, Any]]:
         """Name and fields of the message; `confirmation` counts earlier transmissions."""
         values = {f"param{n}": _plain(value) for n, value in enumerate(self.params, start=1)}

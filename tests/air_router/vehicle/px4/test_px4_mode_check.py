@@ -1,6 +1,7 @@
 """No order leaves on an earlier mode: what is requested, what proves an answer, what is taken."""
 
 import asyncio
+import contextlib
 
 import pytest
 
@@ -64,6 +65,19 @@ class Wire:
         return on_its_time(self.px4, verb, while_it_waits)
 
 
+SPEED = ("COMMAND_LONG", 178)
+
+
+async def flown(wire, *legs):
+    """Fly legs; the vehicle acknowledges nothing, and the speed is sent once for each."""
+    for leg in legs:
+        with contextlib.suppress(NotConfirmedError):
+            await leg()
+        await asyncio.sleep(0.0)
+        wire.motions.stop_sending_speed()
+        await asyncio.sleep(0.0)
+
+
 class VehicleTime(World):
     """The streams of a vehicle, ten times a second, as the time that the loop waits in."""
 
@@ -121,6 +135,35 @@ def test_a_hold_that_the_pilot_chose_is_not_taken_for_the_one_that_is_about_to_l
     wire.chosen = HOLD  # as one of ours from before may show it
     wire.run(wire.motions.hold(out_of={FlightMode.MISSION, FlightMode.HOLD}))
     assert len(wire.sent) == 1
+
+
+LEGS = {
+    "jump": lambda motions, objection: motions.jump(5, objection),
+    "reposition": lambda motions, objection: motions.reposition(Point(1.0, 2.0), 40.0, objection),
+}
+
+
+@pytest.mark.parametrize("leg", LEGS)
+def test_the_objection_is_the_last_thing_before_each_message(wire, leg):
+    """Also where the check of a leg takes longer than a received mode is good for."""
+    wire.px4.mode = HOLD
+    wire.px4.sends("HEARTBEAT")
+    happened = []
+
+    def objection():
+        happened.append("objection")
+        asyncio.get_running_loop().world.now_s += 0.05
+        wire.px4.wall_s += 0.05
+
+    take = wire.px4.telemetry.send
+    wire.px4.telemetry.send = lambda name, fields, **more: (
+        happened.append((name, fields.get("command"))) or take(name, fields, **more)
+    )
+    wire.run(flown(wire, lambda: LEGS[leg](wire.motions, objection)))
+    orders = [order for order in wire.sent if order != SPEED]
+    assert len(orders) == (2 if leg == "jump" else 1)
+    for order in orders:
+        assert happened[happened.index(order) - 1] == "objection"
 
 
 @pytest.mark.parametrize("verb", VERBS)
