@@ -300,22 +300,7 @@ class Px4Commands:
         sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan.ids, loop_s())
         tried = self._tried[order.command]
         tried.begin(sent)
-        verdict = None
-        for attempt in range(attempts):
-            if attempt:
-                try:
-                    await self.recheck(words, {sent.before.mode, order.leads_to}, objection)
-                except NotSentError:
-                    verdict = None  # it was sent before, with an unknown outcome
-                    break
-                if not self._unchanged(sent):  # it may just be taking effect
-                    verdict = await self._outcome(sent, shown, more=False)
-                    break
-            self._leave(sent, attempt)
-            verdict = await self._outcome(sent, shown, more=attempt + 1 < attempts)
-            if verdict is not OrderOutcome.AGAIN:
-                break
-            _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
+        verdict = await self._try(sent, shown, attempts, objection)
         if sent.last_s > sent.first_s + ORDER_SETTLED_S:
             tried.left_again(sent)
         if verdict is OrderOutcome.TAKEN:
@@ -328,6 +313,28 @@ class Px4Commands:
         if order.moves:  # earlier ones are void: the link keeps the order
             self._unfollowed.clear()
         tried.unanswered.clear()  # lost or received by now: the link keeps the order
+
+    async def _try(
+        self, sent: SentOrder, shown: Shown, attempts: int, objection: Objection
+    ) -> OrderOutcome | None:
+        """Send a command that may be sent now, perhaps again; None: its outcome is unknown."""
+        order = sent.order
+        for attempt in range(attempts):
+            if attempt:
+                try:
+                    await self.recheck(order.words, {sent.before.mode, order.leads_to}, objection)
+                except TakenOverError:  # while the first may still be under way
+                    return OrderOutcome.TAKEN
+                except NotSentError:
+                    return None
+                if not self._unchanged(sent):  # it may just be taking effect
+                    return await self._outcome(sent, shown, more=False)
+            self._leave(sent, attempt)
+            verdict = await self._outcome(sent, shown, more=attempt + 1 < attempts)
+            if verdict is not OrderOutcome.AGAIN:
+                return verdict
+            _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
+        return None
 
     def _leave(self, sent: SentOrder, attempt: int) -> None:
         if sent.order.moves and not attempt:

@@ -347,6 +347,7 @@ def test_an_order_does_not_leave_again_over_a_mode_that_no_heartbeat_has_reporte
         if len(turns) == 8:
             wire.chosen = LAND
 
-    with pytest.raises(NotConfirmedError):
+    with pytest.raises(TakenOverError) as caught:
         wire.run(wire.motions.hold(), while_it_waits=pilot)
+    assert (caught.value.mode, caught.value.sent) == (FlightMode.LAND, True)  # the first may come
     assert wire.sent == [("COMMAND_LONG", 176)]
