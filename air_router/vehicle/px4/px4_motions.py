@@ -12,6 +12,8 @@ from air_router.vehicle import (
     Modes,
     Objection,
     TakenOverError,
+    Telemetry,
+    VehicleEvent,
     no_objection,
 )
 from air_router.vehicle.px4.limits import (
@@ -67,8 +69,9 @@ class Px4Motions:
         self._commands = commands
         self._armed_in: FlightMode | None = None  # the pilot chose any other mode
         self._late: Point | None = None  # an unconfirmed destination that it may still fly to
-        self._speed_known = True  # the plan sets the speed
+        self._speed_known = False  # PX4 flies the plan at the mission's speed
         self._sending_speed: asyncio.Task[None] | None = None  # while it is unconfirmed
+        telemetry.subscribe(self._note_speed)
 
     async def arm(self) -> None:
         """See `Vehicle.arm`.
@@ -173,7 +176,6 @@ class Px4Motions:
             # Until the item is reported, it may have flown to its previous destination.
             mission = choose(FlightMode.MISSION)
             await self._choose(mission, out_of={FlightMode.HOLD}, objection=objection)
-            self._speed_known = False
         self._late = None
         if not self._speed_known:
             self._send_speed()
@@ -330,8 +332,21 @@ class Px4Motions:
                     raise TakenOverError(text, taken, sent=False) from None
             raise
 
+    def _note_speed(self, event: VehicleEvent) -> None:
+        """The plan sets the speed at take-off; any other mode resets it to PX4's parameter.
+
+        Also a mode of the pilot's, who may then choose Mission mode again.
+        """
+        if not isinstance(event, Telemetry):
+            return
+        if not event.in_air:
+            self._speed_known = True
+        elif event.mode is not FlightMode.MISSION:
+            self._speed_known = False
+            self.stop_sending_speed()
+
     def _send_speed(self) -> None:
-        """Send the mission's speed again: a mode change resets PX4's speed to its parameter.
+        """Send the mission's speed again.
 
         It is sent in parallel to the next command, which must not wait for it.
         """

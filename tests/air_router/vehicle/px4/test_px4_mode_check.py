@@ -11,7 +11,7 @@ from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.vehicle import FlightMode, LinkSilent, TakenOverError
 from geo.frame import Point
 from sitl.rehearsal.companion import SimulatedLoop, World
-from tests.air_router.vehicle.px4.conftest import HOLD, LAND, MISSION, ON_GROUND, RETURN
+from tests.air_router.vehicle.px4.conftest import HOLD, IN_AIR, LAND, MISSION, ON_GROUND, RETURN
 
 POSITION = 3 << 16
 STALLS_S = (0.25, 0.6, 1.0, 2.0)
@@ -164,6 +164,26 @@ def test_the_objection_is_the_last_thing_before_each_message(wire, leg):
     assert len(orders) == (2 if leg == "jump" else 1)
     for order in orders:
         assert happened[happened.index(order) - 1] == "objection"
+
+
+@pytest.mark.parametrize(
+    ("modes", "sent"), [((), False), ((HOLD,), True), ((POSITION, HOLD), True)]
+)
+def test_the_speed_is_sent_again_after_any_other_mode_in_the_air(wire, modes, sent):
+    """Whoever chose Mission mode again: PX4 has forgotten the speed of the plan."""
+    wire.px4.landed = ON_GROUND
+    wire.px4.run(1.0)
+    wire.px4.landed = IN_AIR  # it takes off in Mission mode
+    for mode in (MISSION, *modes, MISSION):
+        wire.px4.mode = wire.px4.intended = mode
+        wire.px4.run(1.5)
+    wire.run(flown(wire, lambda: wire.motions.jump(5)))
+    assert (SPEED in wire.sent) is sent
+
+
+def test_the_speed_of_a_flight_found_in_the_air_is_sent_with_its_first_jump(wire):
+    wire.run(flown(wire, lambda: wire.motions.jump(5)))
+    assert wire.sent == [("MISSION_SET_CURRENT", None), SPEED]
 
 
 @pytest.mark.parametrize("verb", VERBS)
