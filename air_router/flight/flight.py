@@ -16,7 +16,7 @@ from functools import partial
 
 from air_router.control import ControlServer
 from air_router.controller import Controller
-from air_router.controller.model import Announce, FlightSetup, GoOn, State
+from air_router.controller.model import Announce, Event, FlightSetup, GoOn, State
 from air_router.errors import AirRouterError, ExitCode, NoVehicleError, RefusedError
 from air_router.flight.flight_line import flight_line
 from air_router.flight.flight_loop import CommandService, FlightLoop, NoPage, Page
@@ -232,13 +232,16 @@ class Flight:
         self._status.print_line(f"on board and read back: {self._plan.size}")
         self.loop.reloader.plan_on_board()
 
-    def _admit(self) -> None:
+    def _admit(self, *first: Event) -> None:
+        """Decide on these events, on those of the pre-flight, and on all later ones."""
         self._admitted = True
         self._gossip.start(self.loop.on_event)
         if self._control is not None:
             self._control.open()
             self.loop.start(self._control.run())
             self._status.print_line(f"requests are accepted at {self._control.endpoint}")
+        for event in (*first, *self._early):
+            self.loop.on_event(event)
 
     async def _find_flight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
         """Handle a vehicle found in the air, perhaps flying this mission without a companion."""
@@ -252,9 +255,7 @@ class Flight:
         if found_out.home_amsl_m is not None:
             self._vehicle.count_heights_from(found_out.home_amsl_m)
         self.loop.reloader.plan_on_board()
-        self._admit()
-        for event in (found_out.flown, self._newest, *self._early):
-            self.loop.on_event(event)
+        self._admit(found_out.flown, self._newest)
 
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
