@@ -125,7 +125,7 @@ class OnboardPlan:
             try:
                 await self.put(plan)
             finally:
-                self._telemetry.plan.guard.transfer_ends()
+                self._broken_off()
             self._object()
             self._keep(plan)
             self._telemetry.plan.watch()
@@ -150,7 +150,7 @@ class OnboardPlan:
                 self._keep(plan)
             finally:
                 self._objection = _none
-                self._telemetry.plan.guard.transfer_ends()
+                self._broken_off()
 
     def replaced(self) -> None:
         """Compare a changed plan; once more after a running comparison.
@@ -297,17 +297,19 @@ class OnboardPlan:
 
         MAVSDK has no call for it. Raises PlanRefusedError if they stay.
         """
-        for _ in range(PLAN_BUSY_ATTEMPTS):
-            if not await self.download(self.rally):
-                self._put(RALLY, ())
-                return
+        left, attempts = await self.download(self.rally), 0
+        while left:
+            if attempts == PLAN_BUSY_ATTEMPTS:
+                texts = self._telemetry.texts()
+                raise PlanRefusedError(f"rally points of another mission stay on board{texts}")
+            attempts += 1
             await self._may_change(RALLY)
             fault = self._telemetry.send("MISSION_CLEAR_ALL", {"mission_type": RALLY})
             if fault is not None:
+                self._put(RALLY, None)
                 raise PlanRefusedError(f"rally points stay on board: {fault}")
-        if await self.download(self.rally):
-            texts = self._telemetry.texts()
-            raise PlanRefusedError(f"rally points of another mission stay on board{texts}")
+            left = await self.download(self.rally)
+        self._put(RALLY, ())
 
     async def _may_change(self, kind: int) -> None:
         """Start to change a list, if PX4 reports the known plan on board.
@@ -349,6 +351,10 @@ class OnboardPlan:
         if items is not None:
             self._uploaded[kind] = items
         self._telemetry.plan.guard.transfer_ends(perhaps_stored=lost or items is not None)
+
+    def _broken_off(self) -> None:
+        """End a transfer whose outcome is unknown, if one is still under way."""
+        self._telemetry.plan.guard.transfer_ends(perhaps_stored=True)
 
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
         """Send a list; retry while PX4 is busy with another sender's."""

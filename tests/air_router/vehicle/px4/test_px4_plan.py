@@ -315,6 +315,57 @@ def test_a_link_that_is_gone_while_rally_points_are_cleared_is_no_crash(pennovat
         asyncio.run(board.onboard().renew(dataclasses.replace(plan, rally=()), lambda: None))
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_rally_points_that_we_have_cleared_are_not_anothers_change(pennovation, first):
+    """PX4 clears them at the last request, and what it answers is lost."""
+    plan, board, requests = FlightPlan.of(pennovation), Board(), []
+    board.numbered()
+
+    def clear(name, _fields):
+        requests.append(name)
+        if len(requests) == px4_plan.PLAN_BUSY_ATTEMPTS:
+            board.rally = []
+
+    board.send = clear
+    board.rally = [to_raw(0, plan.rally[0], RALLY)]
+    board.report()
+    onboard = board.onboard()
+    if not first:
+        asyncio.run(onboard.upload(plan))
+    without = dataclasses.replace(plan, rally=())
+    asyncio.run(onboard.upload(without) if first else onboard.renew(without, lambda: None))
+    assert requests == ["MISSION_CLEAR_ALL"] * px4_plan.PLAN_BUSY_ATTEMPTS
+    board.report()
+    assert board.plan.guard.changed == frozenset()
+
+
+def test_a_list_whose_transfer_is_not_waited_for_is_not_anothers_change(pennovation):
+    """It was stored, and neither the answer nor the result was received in time."""
+
+    async def script():
+        plan, board, stored = FlightPlan.of(pennovation), Board(), asyncio.Event()
+        board.numbered()
+        onboard = board.onboard()
+        await onboard.upload(plan)
+
+        def store(items, _answer):
+            board.fence = items
+            stored.set()
+
+        onboard.fence = onboard.fence._replace(upload=store)
+        other = dataclasses.replace(plan, fence=plan.fence[:-4])
+        renewal = asyncio.ensure_future(onboard.renew(other, lambda: None))
+        await stored.wait()
+        renewal.cancel()
+        await asyncio.wait({renewal})
+        assert renewal.cancelled()
+        assert len(board.fence) == len(other.fence)
+        board.report()
+        return board.plan.guard.changed
+
+    assert asyncio.run(script()) == frozenset()
+
+
 @pytest.mark.parametrize("lost", [0, 1])
 def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation, lost):
     async def script():
