@@ -53,6 +53,10 @@ class PlanRefusedError(RefusedError):
     """The vehicle did not take the plan or its fence, or gave back another than was sent."""
 
 
+class PlanKeptError(PlanRefusedError):
+    """A plan was refused before anything was sent: the one on board is as it was."""
+
+
 class ArmingRefusedError(RefusedError):
     """The autopilot does not arm."""
 

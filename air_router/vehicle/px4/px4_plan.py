@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 from mavsdk.plugins.geofence.geofence import GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
-from air_router.errors import NotConfirmedError, PlanRefusedError
+from air_router.errors import NotConfirmedError, PlanKeptError, PlanRefusedError
 from air_router.mission import FENCE_POINTS, FlightPlan, Frame, PlanItem
 from air_router.vehicle import FlightMode, loop_s
 from air_router.vehicle.px4.limits import (
@@ -102,6 +102,7 @@ class OnboardPlan:
         self._plan: FlightPlan | None = None  # last uploaded or verified plan
         self._objection: Callable[[], str | None] = _none  # why nothing may be uploaded anymore
         self._uploaded: dict[int, Sequence[PlanItem]] = {}  # last uploaded items by list
+        self._changes = False  # a transfer has begun that changes what is on board
         self._once_more = False  # changed during the comparison
         self._comparing: asyncio.Task[None] | None = None  # reads and compares
         self.mission = _ItemList(
@@ -139,15 +140,19 @@ class OnboardPlan:
         """Upload a changed fence, and the items that change with it. See `Vehicle.renew`."""
         async with self.lock:
             if (why := objection()) is not None:
-                raise PlanRefusedError(why)
+                raise PlanKeptError(why)
             if self._telemetry.plan.guard.changed:
                 # Changes were announced by now: the operator wants them replaced.
                 self._uploaded.clear()
                 self._telemetry.guard_plan(self._telemetry.plan.ids)
-            self._objection = objection
+            self._objection, self._changes = objection, False
             try:
                 await self._renew(plan)
                 self._keep(plan)
+            except PlanRefusedError as error:
+                if self._changes:
+                    raise
+                raise PlanKeptError(str(error)) from None
             finally:
                 self._objection = _none
                 self._broken_off()
@@ -328,6 +333,7 @@ class OnboardPlan:
         if not await self._received():  # nothing is changed while a pilot flies
             raise PlanRefusedError("nothing is uploaded: no current flight mode was received")
         self._object()
+        self._changes = True
         telemetry.plan.guard.transfer_begins(kind)
 
     def _object(self) -> None:

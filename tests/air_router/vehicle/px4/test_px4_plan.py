@@ -9,7 +9,7 @@ import pytest
 from mavsdk.plugins.geofence.geofence import GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
-from air_router.errors import PlanRefusedError
+from air_router.errors import PlanKeptError, PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.px4 import px4_plan, px4_requests
 from air_router.vehicle.px4.mavlink_values import FENCE, MISSION, RALLY, MavCmd
@@ -387,6 +387,24 @@ def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation,
     (difference,), items = asyncio.run(script())
     wanted = f"the mission: {items} items sent, {items - 1} are on board" if lost else None
     assert difference == wanted
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_renewal_that_has_sent_nothing_leaves_the_plan_on_board_and_its_error_shows_that(
+    pennovation, begun
+):
+    plan, board = FlightPlan.of(pennovation), Board()
+    onboard = board.onboard()
+    asyncio.run(onboard.upload(plan))
+
+    def answers(kind):
+        board.sends_mode = kind != RALLY
+
+    board.sends_mode, board.after = begun, answers
+    other = dataclasses.replace(plan, fence=plan.fence[:-4], rally=plan.rally[:-1])
+    with pytest.raises(PlanRefusedError, match="no current flight mode was received") as caught:
+        asyncio.run(onboard.renew(other, lambda: None))
+    assert isinstance(caught.value, PlanKeptError) is not begun
 
 
 @pytest.mark.parametrize("before", [1, 2, 3])
