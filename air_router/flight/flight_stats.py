@@ -53,7 +53,8 @@ class FlightStats:
     meetings: list[tuple[str, Point]] = field(default_factory=list)
     changes: deque[StateChanged] = field(default_factory=partial(deque, maxlen=CHANGES_KEPT))
     changed: int = 0
-    waited_s: dict[str, list[float]] = field(default_factory=dict)  # by the deciding row
+    # seconds of each wait that is over, by the blocking row
+    _waited_s: dict[str, list[float]] = field(default_factory=dict)
     _waits: MissionWaits = _GOES_ON
     _highest_m: float = 0.0  # above home
     _now_s: float = 0.0  # vehicle's clock
@@ -108,7 +109,7 @@ class FlightStats:
             "interactions": self.interactions.counts(),
             "waits": {
                 row: {"times": len(spans), "total_s": round(sum(spans), 1)}
-                for row, spans in self.waited_s.items()
+                for row, spans in self._all_waits_s().items()
             },
         }
 
@@ -119,10 +120,16 @@ class FlightStats:
 
     def _waits_for(self, change: MissionWaits) -> None:
         """Note another blocking row of `INTERLOCKS`, or that the mission resumes."""
-        if self._waits.interlock is not None:
-            spans = self.waited_s.setdefault(self._waits.interlock, [])
-            spans.append(self._now_s - self._waits.since_s)
+        self._waited_s = self._all_waits_s()
         self._waits = change
+
+    def _all_waits_s(self) -> dict[str, list[float]]:
+        """Seconds of each wait, by the blocking row; the last one lasts until now."""
+        row = self._waits.interlock
+        if row is None:
+            return self._waited_s
+        spans = [*self._waited_s.get(row, ()), self._now_s - self._waits.since_s]
+        return {**self._waited_s, row: spans}
 
     def _state_changed(self, change: StateChanged) -> None:
         self.changes.append(change)
