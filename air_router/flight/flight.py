@@ -323,8 +323,8 @@ class Flight:
         if latest is None or self._clock.now_s() <= latest.timestamp():
             return False
         self.loop.end(
-            f"refused: no take-off before {latest:%H:%M} UTC, and the mission has zones that "
-            "apply at certain times; start it again",
+            f"refused: it had not taken off by {latest:%H:%M} UTC, and some zones apply only at "
+            "certain times; start it again",
             ExitCode.REFUSED,
         )
         return True

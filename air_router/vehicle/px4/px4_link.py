@@ -95,8 +95,8 @@ class PeerFilter:
         self.refused += 1
         if self.refused == 1:
             _log.warning(
-                "MAVLink comes from %s:%d as well, which is not the vehicle's address %s:%d; it "
-                "is not listened to",
+                "MAVLink is also received from %s:%d, which is not the vehicle's address %s:%d; "
+                "its messages are ignored",
                 *source,
                 *peer,
             )

@@ -172,7 +172,7 @@ class Px4Motions:
             if now is not FlightMode.HOLD or before is not FlightMode.HOLD:
                 if (taken := self._commands.taken({before})) is not None:
                     raise TakenOverError(f"the pilot chose {taken.value} mode", taken, sent=True)
-                raise NotConfirmedError(f"{words} was overtaken by an order from before")
+                raise NotConfirmedError(f"an earlier command took effect instead of {words}")
             # Until the item is reported, it may have flown to its previous destination.
             mission = choose(FlightMode.MISSION)
             await self._choose(mission, out_of={FlightMode.HOLD}, objection=objection)

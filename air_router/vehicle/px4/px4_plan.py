@@ -384,7 +384,7 @@ class OnboardPlan:
             count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
             hint = f"; {count}: draw it simpler"
         texts = self._telemetry.texts()
-        raise PlanRefusedError(f"{to.what} was not taken: {result.name}{texts}{hint}")
+        raise PlanRefusedError(f"PX4 did not accept {to.what}: {result.name}{texts}{hint}")
 
     async def download(self, of: _ItemList) -> list[PlanItem]:
         """Read one list. Raises PlanRefusedError if it cannot be read."""

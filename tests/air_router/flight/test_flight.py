@@ -139,7 +139,7 @@ def test_no_take_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovat
     flight = rig(arm=False, window=window, zones=(timed,))
     result = flight.run()
     assert result.exit_code == ExitCode.REFUSED
-    assert result.outcome.startswith("refused: no take-off before 22:13 UTC")
+    assert result.outcome.startswith("refused: it had not taken off by 22:13 UTC")
     assert "arm" not in flight.vehicle.verbs
     flight = rig(arm=False, window=window)
     zones = AirspaceChanged(pennovation.fences, (timed,))  # reloaded before the take-off

@@ -318,7 +318,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
     ],
 )
 def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, message):
-    field.vehicle.failures["renew"] = [PlanRefusedError("the fence was not taken: TIMEOUT")]
+    field.vehicle.failures["renew"] = [PlanRefusedError("PX4 did not accept the fence: TIMEOUT")]
     field.vehicle.failures["renew"] += [back] if back else []
     before = FlightPlan.of(load_mission(file))
     result = field.reload(lambda: add_zone(file))
@@ -340,8 +340,8 @@ def test_a_plan_that_was_left_half_uploaded_is_restored_after_any_later_refusal(
     vehicle, printed, requested = field.vehicle, field.out.getvalue, []
     before = FlightPlan.of(load_mission(file))
     vehicle.failures["renew"] = [
-        PlanRefusedError("the fence was not taken: TIMEOUT"),
-        PlanRefusedError("the fence was not taken: TIMEOUT"),
+        PlanRefusedError("PX4 did not accept the fence: TIMEOUT"),
+        PlanRefusedError("PX4 did not accept the fence: TIMEOUT"),
         PlanKeptError("no current flight mode was received"),
     ]
 
@@ -360,7 +360,7 @@ def test_a_plan_that_was_left_half_uploaded_is_restored_after_any_later_refusal(
 
 
 def test_what_did_not_get_on_board_is_put_there_when_it_is_reloaded_once_more(field, file):
-    refused = PlanRefusedError("the fence was not taken: TIMEOUT")
+    refused = PlanRefusedError("PX4 did not accept the fence: TIMEOUT")
     vehicle, printed, requested = field.vehicle, field.out.getvalue, []
     vehicle.failures["renew"] = [refused]
 
