@@ -178,7 +178,7 @@ class Flight:
                     self.loop.start(self._begin())
                     outcome, exit_code = await ended
         finally:
-            await self._let_go()
+            await self._release()
             for number in (signal.SIGINT, signal.SIGTERM):
                 running.remove_signal_handler(number)
         return self._result(outcome, exit_code)
@@ -284,7 +284,7 @@ class Flight:
     # Events in, actions out.
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
-        if self.loop.leaving:
+        if self.loop.released:
             return  # late messages of a closing link
         if isinstance(event, Telemetry) and self._restarted(event):
             self.loop.end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
@@ -350,10 +350,10 @@ class Flight:
         self._status.print_line("interrupted; interrupt again to leave at once")
         self.loop.end("interrupted", ExitCode.INTERRUPTED)
 
-    async def _let_go(self) -> None:
+    async def _release(self) -> None:
         await self.loop.stop()
         ours = self.loop.flies_by_us(starts=self._starts) and self._vehicle_s < math.inf
-        self.loop.let_go()
+        self.loop.release()
         self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:
             if ours and self.loop.may_be_taken():

@@ -43,8 +43,8 @@ class FlightStats:
             in a fast simulation. `changed` counts all.
     """
 
-    flown: FlownTrack
-    mapper: Mapper
+    flown: FlownTrack  # the track, its length and distances
+    mapper: Mapper  # the map of this UAV
     found: dict[str, int]  # searches that found the robot, by robot
     map_shares: dict[str, float] = field(default_factory=dict)  # at the last meeting, 0 to 1
     interactions: Interactions = field(default_factory=Interactions)
@@ -55,7 +55,7 @@ class FlightStats:
     changed: int = 0
     # seconds of each wait that is over, by the blocking row
     _waited_s: dict[str, list[float]] = field(default_factory=dict)
-    _waits: MissionWaits = _GOES_ON
+    _waits: MissionWaits = _GOES_ON  # the wait in progress, if any
     _highest_m: float = 0.0  # above home
     _now_s: float = 0.0  # vehicle's clock
 
@@ -216,7 +216,7 @@ class FlownTrack:
     ours: bool = True
     now_s: float = 0.0
     _changed: Mission | None = None  # the mission with zones not in force yet
-    _boarding: bool = False  # the controller refuses other zones until the plan is renewed
+    _uploading: bool = False  # the controller refuses other zones until the plan is renewed
     _parts: list[tuple[Airspace, list[Point]]] = field(default_factory=list)  # points by airspace
 
     def __post_init__(self) -> None:
@@ -230,10 +230,10 @@ class FlownTrack:
         match event:
             case Telemetry(armed=True):
                 self._fly(event)
-            case AirspaceChanged(fences=fences, zones=zones) if not self._boarding:
+            case AirspaceChanged(fences=fences, zones=zones) if not self._uploading:
                 self._changed = self.mission.with_areas(fences, zones)
             case PlanRenewed():
-                self._boarding = False
+                self._uploading = False
                 if self._changed is not None:  # from here on; before it is left
                     self.mission, self._changed = self._changed, None
                     self._begin_part()
@@ -241,7 +241,7 @@ class FlownTrack:
     def action(self, action: Action) -> None:
         """Handle an action."""
         if isinstance(action, RenewPlan):
-            self._boarding = True
+            self._uploading = True
         elif isinstance(action, StateChanged):
             before, self.ours = self.ours, action.target is not State.PASSIVE
             if self.ours and not before:

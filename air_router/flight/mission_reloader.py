@@ -209,7 +209,7 @@ class MissionReloader:
             return self._done_when(self.read())
         if isinstance(action, ReplanAirspace):
             return self._done_when(self.replan())
-        return self._done_when(self.board())
+        return self._done_when(self.upload())
 
     async def _done_when(self, work: Coroutine[Any, Any, None]) -> None:
         try:
@@ -256,7 +256,7 @@ class MissionReloader:
         self._print(why)
         return ReloadReport(under_way=False, why=why)
 
-    async def board(self) -> None:
+    async def upload(self) -> None:
         """Upload the changed plan; if that fails once it has begun, restore the previous one.
 
         A superseded upload ends after its current list. Its outcome is announced unless another

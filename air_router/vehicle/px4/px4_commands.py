@@ -135,7 +135,7 @@ class SentOrder:
     acked_boot_s: float = math.inf
     refusal: int | None = None
 
-    def leaves(self, now_s: float) -> None:
+    def note_sent(self, now_s: float) -> None:
         """Note that it is sent, perhaps again."""
         self.last_s = now_s
         if self.refusal is not None:  # that answer concerned the time before
@@ -181,9 +181,9 @@ class _Attempts:
     def begin(self, sent: SentOrder) -> None:
         """Make this command the pending one."""
         self.newest = sent
-        self.unsettled_s = max([self.unsettled_s, *(left_s for left_s, _ in self.unanswered)])
+        self.unsettled_s = max([self.unsettled_s, *(sent_s for sent_s, _ in self.unanswered)])
 
-    def left_again(self, sent: SentOrder) -> None:
+    def sent_again(self, sent: SentOrder) -> None:
         """A finished command was sent twice, so another acknowledgement may be received."""
         self.unsettled_s = sent.last_s
 
@@ -302,7 +302,7 @@ class Px4Commands:
         tried.begin(sent)
         verdict = await self._try(sent, shown, attempts, objection)
         if sent.last_s > sent.first_s + ORDER_SETTLED_S:
-            tried.left_again(sent)
+            tried.sent_again(sent)
         if verdict is OrderOutcome.TAKEN:
             raise TakenOverError(self._why_not(sent, verdict), telemetry.mode, sent=True)
         if verdict is not OrderOutcome.FOLLOWED:
@@ -329,17 +329,17 @@ class Px4Commands:
                     return None
                 if not self._unchanged(sent):  # it may just be taking effect
                     return await self._outcome(sent, shown, more=False)
-            self._leave(sent, attempt)
+            self._send_order(sent, attempt)
             verdict = await self._outcome(sent, shown, more=attempt + 1 < attempts)
             if verdict is not OrderOutcome.AGAIN:
                 return verdict
             _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
         return None
 
-    def _leave(self, sent: SentOrder, attempt: int) -> None:
+    def _send_order(self, sent: SentOrder, attempt: int) -> None:
         if sent.order.moves and not attempt:
             self._unfollowed.append(sent)
-        sent.leaves(loop_s())
+        sent.note_sent(loop_s())
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
         self._send(sent.order.wire(attempt), sent.order.words)
 

@@ -15,7 +15,8 @@ from air_router.vehicle.px4.mavlink_values import (
 )
 from air_router.vehicle.px4.px4_streams import sub_mode
 
-UNSAID: Final = math.nan
+UNUSED: Final = math.nan
+"""The value of a parameter that is not used."""
 
 
 class Target(NamedTuple):
@@ -83,7 +84,7 @@ def arm(mode: FlightMode) -> Px4Order:
 
 def land() -> Px4Order:
     """Land here."""
-    params = (0.0, 0.0, 0.0, UNSAID, UNSAID, UNSAID, UNSAID)
+    params = (0.0, 0.0, 0.0, UNUSED, UNUSED, UNUSED, UNUSED)
     return Px4Order("Land mode", FlightMode.LAND, MavCmd.NAV_LAND, params)
 
 
@@ -108,14 +109,14 @@ def reposition(
     Without a change of mode PX4 accepts it only in Hold mode.
     """
     target = Target(round(latitude_deg * 1e7), round(longitude_deg * 1e7), altitude_amsl_m)
-    params = (speed_m_s, float(change_mode), 0.0, UNSAID)
+    params = (speed_m_s, float(change_mode), 0.0, UNUSED)
     return Px4Order("a reposition", FlightMode.HOLD, MavCmd.DO_REPOSITION, params, target)
 
 
 def stop(*, change_mode: bool = True) -> Px4Order:
     """Stop and hover here in Hold mode, also from Hold mode: a reposition without a place."""
-    params = (-1.0, float(change_mode), 0.0, UNSAID)
-    target = Target(NOWHERE, NOWHERE, UNSAID)
+    params = (-1.0, float(change_mode), 0.0, UNUSED)
+    target = Target(NOWHERE, NOWHERE, UNUSED)
     return Px4Order("a stop", FlightMode.HOLD, MavCmd.DO_REPOSITION, params, target)
 
 
