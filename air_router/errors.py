@@ -44,25 +44,40 @@ class NoVehicleError(AirRouterError):
 
 
 class RefusedError(AirRouterError):
-    """The flight does not start; nothing has moved."""
+    """The flight is not started or resumed; this program has not moved the vehicle."""
 
     exit_code = ExitCode.REFUSED
 
 
 class PlanRefusedError(RefusedError):
-    """The vehicle did not take the plan or its fence, or gave back another than was sent."""
+    """The plan is not on board as it should be, or cannot be flown.
+
+    PX4 did not accept it, finds it infeasible, or returns another than was sent; another station
+    has changed it; or it was not sent, because no current flight mode was received or there is an
+    objection.
+    """
+
+
+class PlanKeptError(PlanRefusedError):
+    """A plan was refused before anything was sent: the one on board is as it was."""
 
 
 class ArmingRefusedError(RefusedError):
-    """The autopilot does not arm."""
+    """The vehicle is not armed or not started.
+
+    The autopilot refuses, or the pilot has armed or disarmed it, or chosen a mode.
+    """
 
 
 class NotConfirmedError(AirRouterError):
-    """A command was sent and the vehicle did not follow it."""
+    """The vehicle did not confirm a command: it does not follow it, or it was not sent."""
 
 
 class NotSentError(NotConfirmedError):
-    """A command was not sent: the vehicle's flight mode of this moment was not received."""
+    """A command was not sent.
+
+    No current flight mode was received, a failsafe acts, or there is an objection.
+    """
 
 
 EXPECTED = (AirRouterError, MochaLinkError, OSError)

@@ -96,13 +96,11 @@ class AirspaceUpdate:
         context = self._context
         router, self.prepared = self.prepared, None
         replans, self.replans = self.replans, False
-        if context.task.state is State.DONE:
-            context.inform("zones not changed: the flight is over")
-            return
-        if self._context.airspace.change is ZoneChange.UPLOADING:
-            if not replans:  # that one is requested again
-                what = "zones not changed: an upload is in progress"
-                context.warn(what, RELOAD_AGAIN)
+        if (why := self.refusal) is not None:
+            if context.task.state is State.DONE:
+                context.inform(f"zones not changed: {why}")
+            elif not replans:  # that one is requested again
+                context.warn("zones not changed: an upload is in progress", RELOAD_AGAIN)
             return
         before, mission = (
             context.airspace.mission,
@@ -122,6 +120,14 @@ class AirspaceUpdate:
         context.inform(f"zones changed: {difference(before, mission)}{when}")
         self._skip_waypoints(mission, router)
         self._begin(before, mission)
+
+    @property
+    def refusal(self) -> str | None:
+        """Why changed zones are not applied now; None: they are."""
+        if self._context.task.state is State.DONE:
+            return "the flight is over"
+        uploading = self._context.airspace.change is ZoneChange.UPLOADING
+        return "an upload is in progress" if uploading else None
 
     @property
     def _deferred(self) -> bool:

@@ -442,9 +442,13 @@ class Controller:
         self.context.task.come_home_by(now_s)
 
     @property
-    def plan_is_ours(self) -> bool:
-        """Whether the plan on board is this mission's, as far as known."""
-        return self.context.authority.on_board is PlanOwner.OURS
+    def plan_on_board(self) -> PlanOwner:
+        """The owner of the plan on board, as far as known."""
+        return self.context.authority.on_board
+
+    def why_zones_stay(self) -> str | None:
+        """Why changed zones are not applied now; None: they are."""
+        return self.airspace_update.refusal
 
     def why_no_upload(self) -> str | None:
         """Why nothing may be uploaded anymore; None if it may."""

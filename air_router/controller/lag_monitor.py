@@ -1,4 +1,4 @@
-"""Responds to a stall of this program: announces it, holds, and checks the missed track.
+"""Responds to lags of this program: announces them, holds, and checks the missed track.
 
 Pure. The missed track is the straight line between the vehicle's positions before and after.
 """
@@ -18,7 +18,7 @@ from geo.frame import Point
 
 @dataclass(slots=True, eq=False)
 class LagMonitor:
-    """Checks what a stall missed.
+    """Checks what a lag missed.
 
     Args:
         context: The airspace; receives announcements.
@@ -27,12 +27,13 @@ class LagMonitor:
     _context: MissionContext
     _before: Telemetry | None = None  # the previous telemetry
     _gap: tuple[Point, Point, float] | None = None  # the unchecked track, and its end
-    _lag_s: float = 0.0  # the stall to respond to; 0: none
-    _lagged_at_s: float = -math.inf  # time of the last stall, vehicle's clock
+    _to_check: bool = False  # a lag to respond to
+    _stall_s: float = 0.0  # the longest stall of it; 0: only short lags
+    _lagged_at_s: float = -math.inf  # time of the last lag, vehicle's clock
 
     @property
     def recent(self) -> bool:
-        """Whether this program has just stalled: missing inputs may wait in its own sockets."""
+        """Whether this program has just lagged: missing inputs may wait in its own sockets."""
         return self._context.now_s <= self._lagged_at_s + LAG_RECENT_S
 
     def note(self, telemetry: Telemetry) -> None:
@@ -46,25 +47,30 @@ class LagMonitor:
             self._gap = (before.position, telemetry.position, telemetry.received_s)
 
     def lagged(self, event: CompanionLagged) -> None:
-        """Announce that this program stalled."""
+        """Announce that this program stalled, or lacked the processor."""
         self._lagged_at_s = self._context.now_s
         telemetry = self._context.telemetry
         if telemetry is None or not (telemetry.armed or telemetry.in_air):
             return  # nothing moved
-        self._context.warn(
-            f"the companion stalled for {event.lag_s:.1f} s and checked nothing meanwhile",
-            FREE_PROCESSOR,
-        )
-        self._lag_s = max(self._lag_s, event.lag_s)
+        self._to_check = True
+        if event.within_s is not None:  # it checked in between: no reason to hold
+            words = (
+                f"the companion lacked the processor for {event.lag_s:.1f} s "
+                f"of the last {event.within_s:.0f} s"
+            )
+        else:
+            words = f"the companion stalled for {event.lag_s:.1f} s and checked nothing meanwhile"
+            self._stall_s = max(self._stall_s, event.lag_s)
+        self._context.warn(words, FREE_PROCESSOR)
 
     def update(self, telemetry: Telemetry) -> tuple[Deviation, ...]:
-        """The deviations of a vehicle that this program commands; once per stall."""
-        lag_s, self._lag_s = self._lag_s, 0.0
-        if lag_s == 0.0:
+        """The deviations of a vehicle that this program commands; once per lag."""
+        if not self._to_check:
             return ()
+        stall_s, self._stall_s, self._to_check = self._stall_s, 0.0, False
         missed = self._missed(telemetry)
-        if lag_s >= LAG_HOLD_S:
-            words = f"unmonitored for {lag_s:.1f} s"
+        if stall_s >= LAG_HOLD_S:
+            words = f"unmonitored for {stall_s:.1f} s"
             held = Deviation(Response.HOLD, words, FREE_PROCESSOR, counts=True)
             return (held,) if missed is None else (held, missed)
         return () if missed is None else (missed,)

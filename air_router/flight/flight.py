@@ -16,7 +16,7 @@ from functools import partial
 
 from air_router.control import ControlServer
 from air_router.controller import Controller
-from air_router.controller.model import Announce, FlightSetup, GoOn, State
+from air_router.controller.model import Announce, Event, FlightSetup, GoOn, State
 from air_router.errors import AirRouterError, ExitCode, NoVehicleError, RefusedError
 from air_router.flight.flight_line import flight_line
 from air_router.flight.flight_loop import CommandService, FlightLoop, NoPage, Page
@@ -178,7 +178,7 @@ class Flight:
                     self.loop.start(self._begin())
                     outcome, exit_code = await ended
         finally:
-            await self._let_go()
+            await self._release()
             for number in (signal.SIGINT, signal.SIGTERM):
                 running.remove_signal_handler(number)
         return self._result(outcome, exit_code)
@@ -232,13 +232,16 @@ class Flight:
         self._status.print_line(f"on board and read back: {self._plan.size}")
         self.loop.reloader.plan_on_board()
 
-    def _admit(self) -> None:
+    def _admit(self, *first: Event) -> None:
+        """Decide on these events, on those of the pre-flight, and on all later ones."""
         self._admitted = True
         self._gossip.start(self.loop.on_event)
         if self._control is not None:
             self._control.open()
             self.loop.start(self._control.run())
             self._status.print_line(f"requests are accepted at {self._control.endpoint}")
+        for event in (*first, *self._early):
+            self.loop.on_event(event)
 
     async def _find_flight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
         """Handle a vehicle found in the air, perhaps flying this mission without a companion."""
@@ -252,9 +255,7 @@ class Flight:
         if found_out.home_amsl_m is not None:
             self._vehicle.count_heights_from(found_out.home_amsl_m)
         self.loop.reloader.plan_on_board()
-        self._admit()
-        for event in (found_out.flown, self._newest, *self._early):
-            self.loop.on_event(event)
+        self._admit(found_out.flown, self._newest)
 
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
@@ -283,7 +284,7 @@ class Flight:
     # Events in, actions out.
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
-        if self.loop.leaving:
+        if self.loop.released:
             return  # late messages of a closing link
         if isinstance(event, Telemetry) and self._restarted(event):
             self.loop.end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
@@ -322,8 +323,8 @@ class Flight:
         if latest is None or self._clock.now_s() <= latest.timestamp():
             return False
         self.loop.end(
-            f"refused: no take-off before {latest:%H:%M} UTC, and the mission has zones that "
-            "apply at certain times; start it again",
+            f"refused: it had not taken off by {latest:%H:%M} UTC, and some zones apply only at "
+            "certain times; start it again",
             ExitCode.REFUSED,
         )
         return True
@@ -349,10 +350,10 @@ class Flight:
         self._status.print_line("interrupted; interrupt again to leave at once")
         self.loop.end("interrupted", ExitCode.INTERRUPTED)
 
-    async def _let_go(self) -> None:
+    async def _release(self) -> None:
         await self.loop.stop()
         ours = self.loop.flies_by_us(starts=self._starts) and self._vehicle_s < math.inf
-        self.loop.let_go()
+        self.loop.release()
         self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:
             if ours and self.loop.may_be_taken():

@@ -176,7 +176,7 @@ class FlightLoop:
         page: Receives every event; from `begin` on.
         motions: Sends the controller's motions to the vehicle.
         reloader: Reads the mission file again, and uploads changed zones.
-        leaving: The vehicle was released: late events are not decided on.
+        released: The vehicle was released: late events are not decided on.
     """
 
     page: Page
@@ -210,7 +210,7 @@ class FlightLoop:
             self.on_event,
         )
         self.reloader = MissionReloader(controller, vehicle, self.on_event, status.print_line)
-        self.leaving = False
+        self.released = False
         # event, actions and time, to be recorded and carried out in order
         self._decided: deque[tuple[Event, list[Action], float]] = deque()
         self._tasks: set[asyncio.Task[None]] = set()  # kept from the garbage collector
@@ -239,7 +239,7 @@ class FlightLoop:
         asyncio.get_running_loop().call_soon(self._carry_out)
         now_s, actions = self._clock.boot_s(), list[Action]()
         self._decided.append((event, actions, now_s))  # also before a fault
-        if not self.leaving:  # no decisions after the vehicle was released
+        if not self.released:  # no decisions after the vehicle was released
             actions += self._controller.handle(event, now_s)
         return actions
 
@@ -303,9 +303,9 @@ class FlightLoop:
             self._controller.home_by(now_s + left_s)
             self._recorder.note("HomeBy", now_s, {"home_by_s": now_s + left_s})
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Release the vehicle: late events are not decided on."""
-        self.leaving = True
+        self.released = True
 
     async def announce(self, announcement: Announce) -> None:
         """Announce to the operator (terminal) and the pilot (ground station)."""

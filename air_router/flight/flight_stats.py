@@ -43,8 +43,8 @@ class FlightStats:
             in a fast simulation. `changed` counts all.
     """
 
-    flown: FlownTrack
-    mapper: Mapper
+    flown: FlownTrack  # the track, its length and distances
+    mapper: Mapper  # the map of this UAV
     found: dict[str, int]  # searches that found the robot, by robot
     map_shares: dict[str, float] = field(default_factory=dict)  # at the last meeting, 0 to 1
     interactions: Interactions = field(default_factory=Interactions)
@@ -53,8 +53,9 @@ class FlightStats:
     meetings: list[tuple[str, Point]] = field(default_factory=list)
     changes: deque[StateChanged] = field(default_factory=partial(deque, maxlen=CHANGES_KEPT))
     changed: int = 0
-    waited_s: dict[str, list[float]] = field(default_factory=dict)  # by the deciding row
-    _waits: MissionWaits = _GOES_ON
+    # seconds of each wait that is over, by the blocking row
+    _waited_s: dict[str, list[float]] = field(default_factory=dict)
+    _waits: MissionWaits = _GOES_ON  # the wait in progress, if any
     _highest_m: float = 0.0  # above home
     _now_s: float = 0.0  # vehicle's clock
 
@@ -108,7 +109,7 @@ class FlightStats:
             "interactions": self.interactions.counts(),
             "waits": {
                 row: {"times": len(spans), "total_s": round(sum(spans), 1)}
-                for row, spans in self.waited_s.items()
+                for row, spans in self._all_waits_s().items()
             },
         }
 
@@ -119,10 +120,16 @@ class FlightStats:
 
     def _waits_for(self, change: MissionWaits) -> None:
         """Note another blocking row of `INTERLOCKS`, or that the mission resumes."""
-        if self._waits.interlock is not None:
-            spans = self.waited_s.setdefault(self._waits.interlock, [])
-            spans.append(self._now_s - self._waits.since_s)
+        self._waited_s = self._all_waits_s()
         self._waits = change
+
+    def _all_waits_s(self) -> dict[str, list[float]]:
+        """Seconds of each wait, by the blocking row; the last one lasts until now."""
+        row = self._waits.interlock
+        if row is None:
+            return self._waited_s
+        spans = [*self._waited_s.get(row, ()), self._now_s - self._waits.since_s]
+        return {**self._waited_s, row: spans}
 
     def _state_changed(self, change: StateChanged) -> None:
         self.changes.append(change)
@@ -209,7 +216,7 @@ class FlownTrack:
     ours: bool = True
     now_s: float = 0.0
     _changed: Mission | None = None  # the mission with zones not in force yet
-    _boarding: bool = False  # the controller refuses other zones until the plan is renewed
+    _uploading: bool = False  # the controller refuses other zones until the plan is renewed
     _parts: list[tuple[Airspace, list[Point]]] = field(default_factory=list)  # points by airspace
 
     def __post_init__(self) -> None:
@@ -223,10 +230,10 @@ class FlownTrack:
         match event:
             case Telemetry(armed=True):
                 self._fly(event)
-            case AirspaceChanged(fences=fences, zones=zones) if not self._boarding:
+            case AirspaceChanged(fences=fences, zones=zones) if not self._uploading:
                 self._changed = self.mission.with_areas(fences, zones)
             case PlanRenewed():
-                self._boarding = False
+                self._uploading = False
                 if self._changed is not None:  # from here on; before it is left
                     self.mission, self._changed = self._changed, None
                     self._begin_part()
@@ -234,7 +241,7 @@ class FlownTrack:
     def action(self, action: Action) -> None:
         """Handle an action."""
         if isinstance(action, RenewPlan):
-            self._boarding = True
+            self._uploading = True
         elif isinstance(action, StateChanged):
             before, self.ours = self.ours, action.target is not State.PASSIVE
             if self.ours and not before:

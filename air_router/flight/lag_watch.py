@@ -39,14 +39,14 @@ class LagWatch:
         total_s = sum(late for _, late in self._late)
         announced = self._announced_s is not None and now_s < self._announced_s + LAG_REPEATED_S
         if late_s >= LAG_HOLD_S or (late_s >= LAG_STOOD_S and not announced):
-            lag_s = late_s
+            lagged = CompanionLagged(round(late_s, 2))
         elif total_s >= LAG_STARVED_S and not announced:
-            lag_s = total_s
+            lagged = CompanionLagged(round(total_s, 2), LAG_STARVED_WITHIN_S)
         else:
             return None
         self._announced_s = now_s
         self._late.clear()
-        return CompanionLagged(round(lag_s, 2))
+        return lagged
 
 
 async def watch_lag(deliver: Callable[[CompanionLagged], None]) -> None:

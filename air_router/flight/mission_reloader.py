@@ -18,6 +18,7 @@ from air_router.controller import Controller, counted
 from air_router.controller.model import (
     AirspaceChanged,
     Event,
+    PlanOwner,
     PlanRenewed,
     ReadAgain,
     RenewPlan,
@@ -27,6 +28,7 @@ from air_router.errors import (
     AirRouterError,
     ExitCode,
     NotConfirmedError,
+    PlanKeptError,
     PlanRefusedError,
 )
 from air_router.flight.limits import PLAN_ON_BOARD_S
@@ -55,6 +57,9 @@ _AREAS: Final = frozenset(
 
 _FROM_OPTIONS: Final = frozenset({"duration_s", "seek_policy", "uav", "explore", "layers"})
 """Fields that the command line may override: a different value in the file is no change."""
+
+
+_KEEPS: Final = "the flight keeps to the changed fences and zones"
 
 
 class NotReloadedError(AirRouterError):
@@ -165,6 +170,7 @@ class MissionReloader:
         self.latest: ReloadReport | None = None
         self._reading = self._once_more = False  # the file is being read; requested again meanwhile
         self._on_board = FlightPlan.of(controller.mission)  # the last uploaded plan
+        self._intact = True  # no later upload has failed halfway
         # the plan is on board; nothing is in progress
         self._uploaded, self._idle = asyncio.Event(), asyncio.Event()
         self._idle.set()
@@ -176,13 +182,15 @@ class MissionReloader:
         """The outcome of the latest reading and its upload; None before the first."""
         if self.latest is None or not self.latest.good:
             return self.latest
-        if self._controller.plan_is_ours:
+        owner = self._controller.plan_on_board
+        if owner is PlanOwner.OURS:
             return self.latest
-        why = (
-            "the flight keeps to the changed fences and zones, but another plan is on board: "
-            "'resume upload' uploads this mission's"
+        but = (
+            "a ground station has uploaded a plan, which is being compared with this mission's"
+            if owner is PlanOwner.REPLACED
+            else "another plan is on board: 'resume upload' uploads this mission's"
         )
-        return ReloadReport(under_way=False, why=why)
+        return ReloadReport(under_way=False, why=f"{_KEEPS}, but {but}")
 
     def plan_on_board(self) -> None:
         """The plan itself is on board: later changes may be uploaded."""
@@ -201,7 +209,7 @@ class MissionReloader:
             return self._done_when(self.read())
         if isinstance(action, ReplanAirspace):
             return self._done_when(self.replan())
-        return self._done_when(self.board())
+        return self._done_when(self.upload())
 
     async def _done_when(self, work: Coroutine[Any, Any, None]) -> None:
         try:
@@ -237,19 +245,19 @@ class MissionReloader:
             _log.exception("%s was not reloaded", self._controller.mission.path)
             return self._failed(f"not reloaded, by a fault of this program: {error!r}")
         self._controller.prepare(router)
+        why_not = self._controller.why_zones_stay() or "the flight is over"
         self._deliver(event)
         now = self._controller.mission
         good = (now.fences, now.drawn) == (event.fences, event.zones)
-        keeps = "the flight keeps to the changed fences and zones"
-        why = keeps if good else "not reloaded: the flight did not take the zones"
+        why = _KEEPS if good else f"not reloaded: {why_not}"
         return ReloadReport(under_way=False, good=good, why=why)
 
     def _failed(self, why: str) -> ReloadReport:
         self._print(why)
         return ReloadReport(under_way=False, why=why)
 
-    async def board(self) -> None:
-        """Upload the changed plan; if that fails, restore the previous one.
+    async def upload(self) -> None:
+        """Upload the changed plan; if that fails once it has begun, restore the previous one.
 
         A superseded upload ends after its current list. Its outcome is announced unless another
         upload was started meanwhile.
@@ -266,10 +274,9 @@ class MissionReloader:
         why_not = await self._renew(plan, objection)
         if why_not is None:
             self._on_board = plan
-        elif await self._renew(self._on_board, objection) is None:
-            why_not += "; the one before is"
-        else:
-            why_not += "; and the one before is not back"
+        elif not self._intact:
+            restored = await self._renew(self._on_board, objection) is None
+            why_not += "; the one before is" if restored else "; and the one before is not back"
         if number == self._uploads:
             self._deliver(PlanRenewed(why_not))
 
@@ -287,8 +294,12 @@ class MissionReloader:
         try:
             async with asyncio.timeout(PLAN_ON_BOARD_S):
                 await self._vehicle.renew(plan, objection)
+        except PlanKeptError as error:
+            return str(error)
         except (PlanRefusedError, NotConfirmedError, TimeoutError) as error:
+            self._intact = False
             return str(error) or f"not within {PLAN_ON_BOARD_S:.0f} s"
+        self._intact = True
         return None
 
 

@@ -216,7 +216,7 @@ class Gossip:
             message = self.node.latest(event.robot, event.topic)
             found = None if message is None else self._event_of(message, event.peer)
             if isinstance(found, GoTo):
-                self._goals[found.by] = found
+                self._put_off(found)
                 self._hand_on_goals()
             elif found is not None:
                 self._deliver(found)
@@ -233,6 +233,13 @@ class Gossip:
                 f"{topic.name} ({topic.type}), by which it would be found"
             )
             self._deliver(PeerFault(words))
+
+    def _put_off(self, request: GoTo) -> None:
+        """Keep goals until the budget affords them, and answer those that they replace."""
+        before, self._goals[request.by] = self._goals.get(request.by), request
+        if before is not None:
+            why, code = "replaced by a newer request", Refusal.REPLACED
+            self.publish_ack(CommandAck(before.request_id, before.by, False, why, code))
 
     def _hand_on_goals(self) -> None:
         """Pass goals on within the budget for routes; of one sender only the newest."""

@@ -58,7 +58,7 @@ class VehicleClock:
         self._ceiling = ceiling
         self._lock = threading.Lock()
         self._boot_s: float | None = None  # newest received time
-        self._alive_s = 0.0  # its time of reception, monotonic
+        self._alive_s = 0.0  # the last reception of any message, monotonic
         self._extrapolated_s = 0.0  # duration of messages without a newer time
         self._rate: float | None = None  # vehicle's seconds per second of ours; None: not measured
         self._window_rate = 0.0  # rate of the last window alone

@@ -245,8 +245,8 @@ class InputWatch:
             announcements += self._announce_missing(limit, age_s, telemetry.received_s)
         back = self._back(missing, telemetry.received_s) and bool(stopped)
         if back and home_why is None:
-            fix = "GPS has its fix again" if NO_FIX in stopped else "all of it is received again"
-            announcements.append(InputAnnouncement(fix, "going on"))
+            fix = "GPS has its fix again" if NO_FIX in stopped else "all inputs are received again"
+            announcements.append(InputAnnouncement(fix, "continuing"))
         self.silent = InputResponse.SILENT in self.stopped.values()
         stop = (
             InputResponse.SILENT
@@ -310,7 +310,7 @@ class InputWatch:
         if self._alarmed_of_fix or age_s < FIX_ALARM_S:
             return []
         self._alarmed_of_fix = True
-        what = f"GPS has no fix for {age_s:.0f} s"
+        what = f"GPS has had no fix for {age_s:.0f} s"
         instruction = TAKE_OVER_BLIND
         return [
             InputAnnouncement(

@@ -343,10 +343,12 @@ class Vehicle(Protocol):
         NoVehicleError: from `connect`, with a diagnosis.
         PlanRefusedError: from `upload`, `renew` and `recognise` if the plan on board is not the one
         sent; from `start` if it was replaced meanwhile.
+        PlanKeptError: from `renew`, if it was refused before anything was sent.
         ArmingRefusedError: from `arm`, with PX4's reasons; from `arm` and `start` if the pilot has
         disarmed the vehicle or chosen a mode.
-        NotConfirmedError: The command was sent, but the vehicle did not follow.
-        NotSentError: The command was not sent, because the current flight mode was not received.
+        NotConfirmedError: The command was sent, but the vehicle did not follow, or the link failed.
+        NotSentError: The command was not sent: the current flight mode was not received, a
+        failsafe acts, or there is an objection.
         TakenOverError: The vehicle is in another mode, before the command was sent or instead of
         following it.
     """

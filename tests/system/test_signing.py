@@ -131,7 +131,7 @@ def test_a_vehicle_without_a_key_is_not_taken_for_one_that_has_it(
     arguments = ("--connect", plain_vehicle, "--signing-key", key, "--no-record")
     code, out, err = answered("preflight", short_mission, *arguments)
     assert (code, out) == (4, "")
-    assert "MAVLink comes, but it is not signed" in err
+    assert "MAVLink is received, but it is not signed" in err
 
 
 def test_unsigned_messages_in_the_vehicles_name_are_ignored_and_reported_once(

@@ -68,9 +68,15 @@ class PeerFault:
 
 @dataclass(frozen=True, slots=True)
 class CompanionLagged:
-    """This program stalled, or did not get the processor, for this time on its own clock."""
+    """This program stalled, or did not get the processor, for this time on its own clock.
+
+    Attributes:
+        lag_s: For how long.
+        within_s: `lag_s` is the sum of shorter lags within this time; None: it is one stall.
+    """
 
     lag_s: float
+    within_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,7 @@ class DirectLink:
         """End the thread, then close the channel."""
         self._waker.send(b"\0")
         self._thread.join()
-        self._let_go()
+        self._close_channel()
         for each in (self._waker, self._woken):
             each.close()
 
@@ -100,9 +100,9 @@ class DirectLink:
                     self._receive(taken)
             elif self._is_stream:
                 _log.warning("%s was lost; it is opened again", self._url)
-                self._let_go()
+                self._close_channel()
 
-    def _let_go(self) -> None:
+    def _close_channel(self) -> None:
         with self._sending:
             channel, self._channel, self._rest = self._channel, None, b""
             self._stream = SignedStream(self._signer)

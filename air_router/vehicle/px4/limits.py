@@ -73,6 +73,12 @@ SPOOFED_MESSAGES: Final = 3
 """This many messages with a wrong signature come from another sender; fewer may be noise on a
 serial line."""
 
+LINK_SILENT_S: Final = 3.0
+"""Wall-clock time without a message after which a vehicle counts as silent: three HEARTBEATs."""
+
+LINK_SILENT_CHECKS: Final = 3
+"""Checks of the link within that time: silence is reported late by a third at most."""
+
 # For px4_commands.py
 
 ORDER_CONFIRM_S: Final = 3.0
@@ -136,12 +142,6 @@ DATAGRAM_BUFFER_BYTES: Final = 832
 """Buffer space that Linux counts for one of them: 256 fill its default of 212992."""
 
 # For px4_messages.py
-
-LINK_SILENT_S: Final = 3.0
-"""Wall-clock time without a message after which a vehicle counts as silent: three HEARTBEATs."""
-
-LINK_SILENT_CHECKS: Final = 3
-"""Checks of the link within that time: silence is reported late by a third at most."""
 
 TEXTS_KEPT: Final = 3
 """Number of PX4's latest texts added to an error: a refusal has a line or two."""
@@ -214,6 +214,14 @@ PLAN_BUSY_S: Final = 5.5
 PLAN_REPORTED_S: Final = 5.0
 """Wall-clock limit for PX4's report of the plan on board, sent once a second."""
 
+# For px4_reports.py
+
+GPS_HEIGHT_S: Final = 1.5
+"""An older receiver altitude is not used: the vehicle may climb."""
+
+SURELY_FLIES_M: Final = 15.0
+"""A single HEARTBEAT that reports disarmed above this altitude must be confirmed by another."""
+
 # For px4_requests.py
 
 STREAM_RATES_HZ: Final[Mapping[str, float]] = {
@@ -270,10 +278,6 @@ POSITION_LATE_MS: Final = 1000
 FLYING_M: Final = 5.0
 """An armed vehicle that moves at this altitude above home is not on the ground."""
 
-LIFTED_M: Final = 2.0
-"""A vehicle that climbs this high has lifted off, whatever its landed state; a falling one has not
-landed."""
-
 POSITION_BACK_S: Final = 1.0
 """Messages may overtake each other by this, on the vehicle's clock."""
 
@@ -294,15 +298,13 @@ POSITIONS_QUIET_S: Final = 0.7
 
 # For px4_telemetry.py
 
-GPS_HEIGHT_S: Final = 1.5
-"""An older receiver altitude is not used: the vehicle may climb."""
+LIFTED_M: Final = 2.0
+"""A vehicle that climbs this high has lifted off, whatever its landed state; a falling one has not
+landed."""
 
 SYSTEM_TIME_NEAR_S: Final = 2.0
 """SYSTEM_TIME within this of the positions' clock keeps that clock running while positions are
 missing."""
-
-SURELY_FLIES_M: Final = 15.0
-"""A single HEARTBEAT that reports disarmed above this altitude must be confirmed by another."""
 
 TELEMETRY_EVERY_S: Final = 0.5
 """Interval, in vehicle time, of telemetry without new positions: ages grow."""

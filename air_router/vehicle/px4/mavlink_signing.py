@@ -183,18 +183,18 @@ class MavlinkSigner:
         found = self.counts
         if found[Verdict.FORGED]:
             return (
-                "MAVLink comes, but signed with another key; take the file of the key that PX4 "
-                "has, or give PX4 another one (docs/security.md)"
+                "MAVLink is received, but signed with another key; take the file of the key that "
+                "PX4 has, or give PX4 another one (docs/security.md)"
             )
         if found[Verdict.UNSIGNED]:
             return (
-                "MAVLink comes, but it is not signed; give PX4 this key with `air-router "
+                "MAVLink is received, but it is not signed; give PX4 this key with `air-router "
                 "signing-key FILE --connect URL` (PX4 1.18 or newer), or fly without --signing-key"
             )
         if found[Verdict.OLD]:
             return (
-                "MAVLink comes, signed with this key and old: PX4 goes by our time once it "
-                "receives our messages; see to it that it does"
+                "MAVLink is received, signed with this key but with old timestamps: PX4 corrects "
+                "its time once it receives our messages; check the link towards PX4"
             )
         return ""
 

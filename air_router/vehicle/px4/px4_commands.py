@@ -135,7 +135,7 @@ class SentOrder:
     acked_boot_s: float = math.inf
     refusal: int | None = None
 
-    def leaves(self, now_s: float) -> None:
+    def note_sent(self, now_s: float) -> None:
         """Note that it is sent, perhaps again."""
         self.last_s = now_s
         if self.refusal is not None:  # that answer concerned the time before
@@ -156,6 +156,9 @@ class SentOrder:
 
 Shown = Callable[[SentOrder], bool]
 """Whether the vehicle follows a command, by its telemetry and acknowledgements."""
+
+Decide = Callable[[], tuple[Px4Order, Shown]]
+"""Returns the command, and how it shows, by the vehicle's state of this moment."""
 
 
 class OrderOutcome(Enum):
@@ -178,9 +181,9 @@ class _Attempts:
     def begin(self, sent: SentOrder) -> None:
         """Make this command the pending one."""
         self.newest = sent
-        self.unsettled_s = max([self.unsettled_s, *(left_s for left_s, _ in self.unanswered)])
+        self.unsettled_s = max([self.unsettled_s, *(sent_s for sent_s, _ in self.unanswered)])
 
-    def left_again(self, sent: SentOrder) -> None:
+    def sent_again(self, sent: SentOrder) -> None:
         """A finished command was sent twice, so another acknowledgement may be received."""
         self.unsettled_s = sent.last_s
 
@@ -208,12 +211,7 @@ class Px4Commands:
         self.check.listen()
 
     async def recheck(
-        self,
-        words: str,
-        out_of: Modes = None,
-        objection: Objection = no_objection,
-        *,
-        anew: bool = False,
+        self, words: str, out_of: Modes = None, objection: Objection = no_objection
     ) -> None:
         """Make sure that a message may be sent now: in this turn of the loop.
 
@@ -221,7 +219,6 @@ class Px4Commands:
             words: What is to be sent, as text.
             out_of: The modes that it may end; None: the mode at the time of the call.
             objection: Returns why it must not be sent; None: it may.
-            anew: Check the mode even if it was checked a moment ago.
 
         Raises:
             NotSentError: The current mode was not received, a failsafe acts, or there is an
@@ -229,7 +226,7 @@ class Px4Commands:
             TakenOverError: The vehicle is in another mode.
         """
         modes = {self._telemetry.mode} if out_of is None else out_of
-        if anew or loop_s() - self._mode_received_s > MODE_FRESH_S:
+        if loop_s() - self._mode_received_s > MODE_FRESH_S:
             if not await self.check.received():
                 raise NotSentError(f"{words} was not sent: no current flight mode was received")
             self._mode_received_s = loop_s()
@@ -275,8 +272,8 @@ class Px4Commands:
 
     async def execute(
         self,
-        order: Px4Order,
-        shown: Shown,
+        words: str,
+        decide: Decide,
         *,
         attempts: int = 1,
         out_of: Modes = None,
@@ -285,8 +282,8 @@ class Px4Commands:
         """Send a command and wait until the vehicle follows it.
 
         Args:
-            order: The command.
-            shown: Whether the vehicle follows it.
+            words: What is to be sent, as text.
+            decide: Called once it may be sent, in the turn of the loop in which it is sent.
             attempts: How often it may be sent at most; repeated only if no other command took
                 effect.
             out_of: See `recheck`, which raises as well.
@@ -297,29 +294,15 @@ class Px4Commands:
             NotConfirmedError: The vehicle does not follow, with the reason if there is one.
             TakenOverError: A pilot chose another mode before the vehicle followed.
         """
-        await self.recheck(order.words, out_of, objection)
+        await self.recheck(words, out_of, objection)
         telemetry = self._telemetry
+        order, shown = decide()
         sent = SentOrder(order, ObservedState.of(telemetry), telemetry.plan.ids, loop_s())
         tried = self._tried[order.command]
         tried.begin(sent)
-        verdict = None
-        for attempt in range(attempts):
-            if attempt:
-                try:
-                    await self.recheck(order.words, {sent.before.mode, order.leads_to})
-                except NotSentError:
-                    verdict = None  # it was sent before, with an unknown outcome
-                    break
-                if not self._unchanged(sent):  # it may just be taking effect
-                    verdict = await self._outcome(sent, shown, more=False)
-                    break
-            self._leave(sent, attempt)
-            verdict = await self._outcome(sent, shown, more=attempt + 1 < attempts)
-            if verdict is not OrderOutcome.AGAIN:
-                break
-            _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
+        verdict = await self._try(sent, shown, attempts, objection)
         if sent.last_s > sent.first_s + ORDER_SETTLED_S:
-            tried.left_again(sent)
+            tried.sent_again(sent)
         if verdict is OrderOutcome.TAKEN:
             raise TakenOverError(self._why_not(sent, verdict), telemetry.mode, sent=True)
         if verdict is not OrderOutcome.FOLLOWED:
@@ -331,10 +314,32 @@ class Px4Commands:
             self._unfollowed.clear()
         tried.unanswered.clear()  # lost or received by now: the link keeps the order
 
-    def _leave(self, sent: SentOrder, attempt: int) -> None:
+    async def _try(
+        self, sent: SentOrder, shown: Shown, attempts: int, objection: Objection
+    ) -> OrderOutcome | None:
+        """Send a command that may be sent now, perhaps again; None: its outcome is unknown."""
+        order = sent.order
+        for attempt in range(attempts):
+            if attempt:
+                try:
+                    await self.recheck(order.words, {sent.before.mode, order.leads_to}, objection)
+                except TakenOverError:  # while the first may still be under way
+                    return OrderOutcome.TAKEN
+                except NotSentError:
+                    return None
+                if not self._unchanged(sent):  # it may just be taking effect
+                    return await self._outcome(sent, shown, more=False)
+            self._send_order(sent, attempt)
+            verdict = await self._outcome(sent, shown, more=attempt + 1 < attempts)
+            if verdict is not OrderOutcome.AGAIN:
+                return verdict
+            _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
+        return None
+
+    def _send_order(self, sent: SentOrder, attempt: int) -> None:
         if sent.order.moves and not attempt:
             self._unfollowed.append(sent)
-        sent.leaves(loop_s())
+        sent.note_sent(loop_s())
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
         self._send(sent.order.wire(attempt), sent.order.words)
 

@@ -247,8 +247,8 @@ class Px4Connection:
         others = [other for other in others if other]
         if others:
             raise NoVehicleError(
-                f"{self._url}: MAVLink comes from system {others[0]}, but no autopilot's "
-                "heartbeat; a ground station, perhaps: connect to the vehicle's own link"
+                f"{self._url}: MAVLink is received from system {others[0]}, but no autopilot's "
+                "HEARTBEAT; perhaps it is a ground station: connect to the vehicle's own link"
             )
         raise NoVehicleError(
             f"{self._url}: nothing received within {FIND_S:.0f} s; is the vehicle on, and does it "

@@ -95,8 +95,8 @@ class PeerFilter:
         self.refused += 1
         if self.refused == 1:
             _log.warning(
-                "MAVLink comes from %s:%d as well, which is not the vehicle's address %s:%d; it "
-                "is not listened to",
+                "MAVLink is also received from %s:%d, which is not the vehicle's address %s:%d; "
+                "its messages are ignored",
                 *source,
                 *peer,
             )
@@ -150,9 +150,9 @@ class Px4Link:
         peer, restarted = self._filter.peer, self._restarted
         with self._sending:
             if peer is not None:
-                self._leave(frame, peer)
+                self._send_to(frame, peer)
             if restarted is not None and restarted != peer and _is_heartbeat(frame):
-                self._leave(frame, restarted)
+                self._send_to(frame, restarted)
 
     def close(self) -> None:
         """End the thread, then close the port."""
@@ -161,7 +161,7 @@ class Px4Link:
         for each in (self._socket, self._waker, self._woken):
             each.close()
 
-    def _leave(self, frame: bytes, to: Address) -> None:
+    def _send_to(self, frame: bytes, to: Address) -> None:
         signed = frame if self._signer is None else self._signer.sign(frame)
         with contextlib.suppress(OSError):
             self._socket.sendto(signed, to)

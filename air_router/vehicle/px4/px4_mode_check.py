@@ -33,25 +33,25 @@ class _ModeRequest:
         first: `ts1` of the first TIMESYNC sent for it; later ones are greater.
         boot_s: The vehicle's time at the request, as far as it is known.
         proven: A message was received that was sent after the request.
-        acknowledged: After that, a mode was received.
+        answered: After that, a mode was received.
     """
 
     first: int
     boot_s: float
     proven: bool = False
-    acknowledged: bool = False
+    answered: bool = False
 
     def begin_anew(self, now: _ModeRequest) -> None:
         """Earlier requests and replies do not count anymore."""
         self.first, self.boot_s = now.first, now.boot_s
-        self.proven = self.acknowledged = False
+        self.proven = self.answered = False
 
     def take(self, name: str, fields: Mapping[str, Any]) -> None:
         """Handle any message, in the order of the link."""
         if name == "TIMESYNC":
             self.proven |= fields["tc1"] != 0 and fields["ts1"] >= self.first
         elif name in MODES:
-            self.acknowledged |= self.proven
+            self.answered |= self.proven
         elif (boot_ms := fields.get("time_boot_ms")) is not None:
             self.proven |= boot_ms / 1e3 >= self.boot_s
 
@@ -90,13 +90,11 @@ class ModeCheck:
                 if checked_s - requested_s >= MODE_REQUESTED_AGAIN_S:
                     self._request_mode()
                     requested_s = checked_s
-                acknowledged = await self._messages.shows(
-                    lambda: request.acknowledged, STOOD_STILL_CHECK_S
-                )
+                answered = await self._messages.shows(lambda: request.answered, STOOD_STILL_CHECK_S)
                 if loop_s() - checked_s > LINK_GAP_S:  # it stalled, and the answer may be old
                     request.begin_anew(self._question())
                     requested_s = -math.inf
-                elif acknowledged:
+                elif answered:
                     return True
         finally:
             self._open.remove(request)

@@ -12,6 +12,8 @@ from air_router.vehicle import (
     Modes,
     Objection,
     TakenOverError,
+    Telemetry,
+    VehicleEvent,
     no_objection,
 )
 from air_router.vehicle.px4.limits import (
@@ -21,7 +23,13 @@ from air_router.vehicle.px4.limits import (
     SAME_TARGET_M,
     STOP_TARGET_M,
 )
-from air_router.vehicle.px4.px4_commands import NotShownError, Px4Commands, SentOrder, Shown
+from air_router.vehicle.px4.px4_commands import (
+    Decide,
+    NotShownError,
+    Px4Commands,
+    SentOrder,
+    Shown,
+)
 from air_router.vehicle.px4.px4_order import (
     Px4Order,
     arm,
@@ -61,8 +69,9 @@ class Px4Motions:
         self._commands = commands
         self._armed_in: FlightMode | None = None  # the pilot chose any other mode
         self._late: Point | None = None  # an unconfirmed destination that it may still fly to
-        self._speed_known = True  # the plan sets the speed
+        self._speed_known = False  # PX4 flies the plan at the mission's speed
         self._sending_speed: asyncio.Task[None] | None = None  # while it is unconfirmed
+        telemetry.subscribe(self._note_speed)
 
     async def arm(self) -> None:
         """See `Vehicle.arm`.
@@ -83,8 +92,11 @@ class Px4Motions:
             done = reported_s > sent.acked_s + ORDER_DONE_S
             return (telemetry.armed and reported_s > sent.first_s) or done
 
-        self._armed_in = telemetry.mode
-        await self._execute(arm(telemetry.mode), shown)
+        def decide() -> tuple[Px4Order, Shown]:
+            self._armed_in = telemetry.mode
+            return arm(telemetry.mode), shown
+
+        await self._execute("arming", decide)
         self._check_armed()
 
     async def start(self) -> None:
@@ -98,11 +110,14 @@ class Px4Motions:
         """
         telemetry = self._telemetry
         mode, plan = telemetry.mode, telemetry.plan.ids
-        self._check_armed()
-        await self._commands.recheck("Mission mode", {mode})
-        self._check_armed()
+        order = choose(FlightMode.MISSION)
+
+        def decide() -> tuple[Px4Order, Shown]:
+            self._check_armed()
+            return order, self._mode_shown(order)
+
         try:
-            await self._choose(choose(FlightMode.MISSION), attempts=ORDER_ATTEMPTS)
+            await self._execute(order.words, decide, attempts=ORDER_ATTEMPTS, out_of={mode})
         except NotShownError as error:
             _log.warning("%s; it may be taking off", error)
         except NotConfirmedError:
@@ -157,11 +172,10 @@ class Px4Motions:
             if now is not FlightMode.HOLD or before is not FlightMode.HOLD:
                 if (taken := self._commands.taken({before})) is not None:
                     raise TakenOverError(f"the pilot chose {taken.value} mode", taken, sent=True)
-                raise NotConfirmedError(f"{words} was overtaken by an order from before")
+                raise NotConfirmedError(f"an earlier command took effect instead of {words}")
             # Until the item is reported, it may have flown to its previous destination.
             mission = choose(FlightMode.MISSION)
             await self._choose(mission, out_of={FlightMode.HOLD}, objection=objection)
-            self._speed_known = False
         self._late = None
         if not self._speed_known:
             self._send_speed()
@@ -180,20 +194,23 @@ class Px4Motions:
         so the target is the current altitude plus the missing difference, both from one message. A
         home moved by a ground station changes neither: altitudes are relative to the take-off.
         """
-        await self._commands.recheck("a reposition", out_of, objection)
-        telemetry, before = self._telemetry, self._telemetry.target
+        telemetry = self._telemetry
         latitude_deg, longitude_deg = self._frame.to_geodetic(point)
-        self._late = point
-        amsl_m = telemetry.place.altitude_amsl_m + altitude_m - telemetry.place.altitude_m
 
-        def shown(sent: SentOrder) -> bool:
-            there = _near(telemetry.target, point)
-            new = there and (not _near(before, point) or self._reported_after(sent))
-            return telemetry.mode is FlightMode.HOLD and (sent.accepted or new)
+        def decide() -> tuple[Px4Order, Shown]:
+            before = telemetry.target
 
-        place = latitude_deg, longitude_deg, amsl_m, self._speed_m_s
-        in_hold = self._px4_decides()
-        await self._execute(reposition(*place, change_mode=not in_hold), shown, in_hold=in_hold)
+            def shown(sent: SentOrder) -> bool:
+                there = _near(telemetry.target, point)
+                new = there and (not _near(before, point) or self._reported_after(sent))
+                return telemetry.mode is FlightMode.HOLD and (sent.accepted or new)
+
+            amsl_m = telemetry.place.altitude_amsl_m + altitude_m - telemetry.place.altitude_m
+            place = latitude_deg, longitude_deg, amsl_m, self._speed_m_s
+            self._late = point
+            return reposition(*place, change_mode=not self._px4_decides()), shown
+
+        await self._execute("a reposition", decide, out_of=out_of, objection=objection)
         self._late = None
 
     async def hold(self, *, out_of: Modes = None) -> None:
@@ -203,11 +220,14 @@ class Px4Motions:
         no effect (PX4 1.17). A DO_REPOSITION without a place stops it. This is also sent if a
         flight to a point was commanded but not confirmed: it may still start.
         """
-        await self._commands.recheck("a hold", out_of)
-        if self._telemetry.mode is FlightMode.HOLD or self._late is not None:
-            await self._stop_here()
-        else:
-            await self._choose(choose(FlightMode.HOLD), attempts=ORDER_ATTEMPTS)
+
+        def decide() -> tuple[Px4Order, Shown]:
+            if self._telemetry.mode is FlightMode.HOLD or self._late is not None:
+                return self._stop_here()
+            order = choose(FlightMode.HOLD)
+            return order, self._mode_shown(order)
+
+        await self._execute("a hold", decide, attempts=ORDER_ATTEMPTS, out_of=out_of)
         self._late = None
 
     async def land(self, *, out_of: Modes = None) -> None:
@@ -227,18 +247,27 @@ class Px4Motions:
         out_of: Modes = None,
         objection: Objection = no_objection,
     ) -> None:
-        """Command a mode; PX4 1.16 and 1.17 acknowledge a mode that they then refuse."""
+        """Command a mode."""
+        await self._execute(
+            order.words,
+            lambda: (order, self._mode_shown(order)),
+            attempts=attempts,
+            out_of=out_of,
+            objection=objection,
+        )
+
+    def _mode_shown(self, order: Px4Order) -> Shown:
+        """Whether a mode shows: PX4 1.16 and 1.17 acknowledge a mode that they then refuse."""
         telemetry = self._telemetry
 
         def shown(sent: SentOrder) -> bool:
             reported_s = telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
             return telemetry.mode is order.leads_to and reported_s > sent.first_s
 
-        await self._commands.recheck(order.words, out_of, objection)
-        await self._execute(order, shown, attempts=attempts)
+        return shown
 
-    async def _stop_here(self) -> None:
-        """Stop a vehicle that may be in Hold mode already: only its target confirms it."""
+    def _stop_here(self) -> tuple[Px4Order, Shown]:
+        """Stops a vehicle that may be in Hold mode already: only its target confirms it."""
         telemetry, before = self._telemetry, self._telemetry.target
 
         def shown(sent: SentOrder) -> bool:
@@ -252,9 +281,7 @@ class Px4Motions:
                 other or self._reported_after(sent)
             )
 
-        in_hold = self._px4_decides()
-        order = stop(change_mode=not in_hold)
-        await self._execute(order, shown, attempts=ORDER_ATTEMPTS, in_hold=in_hold)
+        return stop(change_mode=not self._px4_decides()), shown
 
     def _px4_decides(self) -> bool:
         """Whether PX4 itself refuses a reposition after a pilot has chosen another mode.
@@ -276,19 +303,50 @@ class Px4Motions:
         return self._telemetry.arrived_s("POSITION_TARGET_GLOBAL_INT") > sent.acked_s + ORDER_DONE_S
 
     async def _execute(
-        self, order: Px4Order, shown: Shown, *, attempts: int = 1, in_hold: bool = False
+        self,
+        words: str,
+        decide: Decide,
+        *,
+        attempts: int = 1,
+        out_of: Modes = None,
+        objection: Objection = no_objection,
     ) -> None:
-        """Send a command; `in_hold`: it changes no mode, and a refusal shows another mode."""
-        self.stop_sending_speed()  # the speed was for the previous motion
+        """Send a command; see `Px4Commands.execute`."""
+        order: Px4Order | None = None  # None: not sent
+
+        def decided() -> tuple[Px4Order, Shown]:
+            nonlocal order
+            order, shown = decide()
+            self.stop_sending_speed()  # the speed was for the previous motion
+            return order, shown
+
         try:
-            await self._commands.execute(order, shown, attempts=attempts)
+            await self._commands.execute(
+                words, decided, attempts=attempts, out_of=out_of, objection=objection
+            )
         except NotConfirmedError:
-            if in_hold:  # raises if a pilot chose another mode
-                await self._commands.recheck(order.words, {FlightMode.HOLD}, anew=True)
+            if order is not None and order.only_in_hold and await self._commands.check.received():
+                taken = self._commands.taken({FlightMode.HOLD})
+                if taken is not None:
+                    text = f"{words} has no effect: the pilot chose {taken.value} mode"
+                    raise TakenOverError(text, taken, sent=False) from None
             raise
 
+    def _note_speed(self, event: VehicleEvent) -> None:
+        """The plan sets the speed at take-off; any other mode resets it to PX4's parameter.
+
+        Also a mode of the pilot's, who may then choose Mission mode again.
+        """
+        if not isinstance(event, Telemetry):
+            return
+        if not event.in_air:
+            self._speed_known = True
+        elif event.mode is not FlightMode.MISSION:
+            self._speed_known = False
+            self.stop_sending_speed()
+
     def _send_speed(self) -> None:
-        """Send the mission's speed again: a mode change resets PX4's speed to its parameter.
+        """Send the mission's speed again.
 
         It is sent in parallel to the next command, which must not wait for it.
         """
@@ -296,10 +354,14 @@ class Px4Motions:
         self._sending_speed = asyncio.create_task(self._set_speed())
 
     async def _set_speed(self) -> None:
-        order, mission = change_speed(self._speed_m_s), {FlightMode.MISSION}
+        order = change_speed(self._speed_m_s)
         try:
-            await self._commands.recheck(order.words, mission)
-            await self._commands.execute(order, lambda sent: sent.accepted, attempts=ORDER_ATTEMPTS)
+            await self._commands.execute(
+                order.words,
+                lambda: (order, lambda sent: sent.accepted),
+                attempts=ORDER_ATTEMPTS,
+                out_of={FlightMode.MISSION},
+            )
         except NotConfirmedError as error:
             _log.warning("%s", error)
         else:

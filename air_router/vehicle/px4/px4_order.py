@@ -15,7 +15,8 @@ from air_router.vehicle.px4.mavlink_values import (
 )
 from air_router.vehicle.px4.px4_streams import sub_mode
 
-UNSAID: Final = math.nan
+UNUSED: Final = math.nan
+"""The value of a parameter that is not used."""
 
 
 class Target(NamedTuple):
@@ -49,6 +50,11 @@ class Px4Order:
         """Whether it changes the mode or the vehicle's destination."""
         return self.command not in {MavCmd.DO_CHANGE_SPEED, MavCmd.COMPONENT_ARM_DISARM}
 
+    @property
+    def only_in_hold(self) -> bool:
+        """Whether PX4 accepts it in Hold mode only, because it changes no mode."""
+        return self.command == MavCmd.DO_REPOSITION and not self.params[1]
+
     def wire(self, confirmation: int) -> tuple[str, dict[str, Any]]:
         """Name and fields of the message; `confirmation` counts earlier transmissions."""
         values = {f"param{n}": _plain(value) for n, value in enumerate(self.params, start=1)}
@@ -78,7 +84,7 @@ def arm(mode: FlightMode) -> Px4Order:
 
 def land() -> Px4Order:
     """Land here."""
-    params = (0.0, 0.0, 0.0, UNSAID, UNSAID, UNSAID, UNSAID)
+    params = (0.0, 0.0, 0.0, UNUSED, UNUSED, UNUSED, UNUSED)
     return Px4Order("Land mode", FlightMode.LAND, MavCmd.NAV_LAND, params)
 
 
@@ -103,14 +109,14 @@ def reposition(
     Without a change of mode PX4 accepts it only in Hold mode.
     """
     target = Target(round(latitude_deg * 1e7), round(longitude_deg * 1e7), altitude_amsl_m)
-    params = (speed_m_s, float(change_mode), 0.0, UNSAID)
+    params = (speed_m_s, float(change_mode), 0.0, UNUSED)
     return Px4Order("a reposition", FlightMode.HOLD, MavCmd.DO_REPOSITION, params, target)
 
 
 def stop(*, change_mode: bool = True) -> Px4Order:
     """Stop and hover here in Hold mode, also from Hold mode: a reposition without a place."""
-    params = (-1.0, float(change_mode), 0.0, UNSAID)
-    target = Target(NOWHERE, NOWHERE, UNSAID)
+    params = (-1.0, float(change_mode), 0.0, UNUSED)
+    target = Target(NOWHERE, NOWHERE, UNUSED)
     return Px4Order("a stop", FlightMode.HOLD, MavCmd.DO_REPOSITION, params, target)
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 from mavsdk.plugins.geofence.geofence import GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
-from air_router.errors import NotConfirmedError, PlanRefusedError
+from air_router.errors import NotConfirmedError, PlanKeptError, PlanRefusedError
 from air_router.mission import FENCE_POINTS, FlightPlan, Frame, PlanItem
 from air_router.vehicle import FlightMode, loop_s
 from air_router.vehicle.px4.limits import (
@@ -102,6 +102,7 @@ class OnboardPlan:
         self._plan: FlightPlan | None = None  # last uploaded or verified plan
         self._objection: Callable[[], str | None] = _none  # why nothing may be uploaded anymore
         self._uploaded: dict[int, Sequence[PlanItem]] = {}  # last uploaded items by list
+        self._changes = False  # a transfer has begun that changes what is on board
         self._once_more = False  # changed during the comparison
         self._comparing: asyncio.Task[None] | None = None  # reads and compares
         self.mission = _ItemList(
@@ -125,7 +126,7 @@ class OnboardPlan:
             try:
                 await self.put(plan)
             finally:
-                self._telemetry.plan.guard.transfer_ends()
+                self._broken_off()
             self._object()
             self._keep(plan)
             self._telemetry.plan.watch()
@@ -139,18 +140,22 @@ class OnboardPlan:
         """Upload a changed fence, and the items that change with it. See `Vehicle.renew`."""
         async with self.lock:
             if (why := objection()) is not None:
-                raise PlanRefusedError(why)
+                raise PlanKeptError(why)
             if self._telemetry.plan.guard.changed:
                 # Changes were announced by now: the operator wants them replaced.
                 self._uploaded.clear()
                 self._telemetry.guard_plan(self._telemetry.plan.ids)
-            self._objection = objection
+            self._objection, self._changes = objection, False
             try:
                 await self._renew(plan)
                 self._keep(plan)
+            except PlanRefusedError as error:
+                if self._changes:
+                    raise
+                raise PlanKeptError(str(error)) from None
             finally:
                 self._objection = _none
-                self._telemetry.plan.guard.transfer_ends()
+                self._broken_off()
 
     def replaced(self) -> None:
         """Compare a changed plan; once more after a running comparison.
@@ -297,17 +302,19 @@ class OnboardPlan:
 
         MAVSDK has no call for it. Raises PlanRefusedError if they stay.
         """
-        for _ in range(PLAN_BUSY_ATTEMPTS):
-            if not await self.download(self.rally):
-                self._put(RALLY, ())
-                return
+        left, attempts = await self.download(self.rally), 0
+        while left:
+            if attempts == PLAN_BUSY_ATTEMPTS:
+                texts = self._telemetry.texts()
+                raise PlanRefusedError(f"rally points of another mission stay on board{texts}")
+            attempts += 1
             await self._may_change(RALLY)
             fault = self._telemetry.send("MISSION_CLEAR_ALL", {"mission_type": RALLY})
             if fault is not None:
+                self._put(RALLY, None)
                 raise PlanRefusedError(f"rally points stay on board: {fault}")
-        if await self.download(self.rally):
-            texts = self._telemetry.texts()
-            raise PlanRefusedError(f"rally points of another mission stay on board{texts}")
+            left = await self.download(self.rally)
+        self._put(RALLY, ())
 
     async def _may_change(self, kind: int) -> None:
         """Start to change a list, if PX4 reports the known plan on board.
@@ -326,6 +333,7 @@ class OnboardPlan:
         if not await self._received():  # nothing is changed while a pilot flies
             raise PlanRefusedError("nothing is uploaded: no current flight mode was received")
         self._object()
+        self._changes = True
         telemetry.plan.guard.transfer_begins(kind)
 
     def _object(self) -> None:
@@ -350,6 +358,10 @@ class OnboardPlan:
             self._uploaded[kind] = items
         self._telemetry.plan.guard.transfer_ends(perhaps_stored=lost or items is not None)
 
+    def _broken_off(self) -> None:
+        """End a transfer whose outcome is unknown, if one is still under way."""
+        self._telemetry.plan.guard.transfer_ends(perhaps_stored=True)
+
     async def _upload(self, to: _ItemList, items: Sequence[PlanItem]) -> None:
         """Send a list; retry while PX4 is busy with another sender's."""
         raw_items = [to_raw(seq, item, to.kind) for seq, item in enumerate(items)]
@@ -372,7 +384,7 @@ class OnboardPlan:
             count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
             hint = f"; {count}: draw it simpler"
         texts = self._telemetry.texts()
-        raise PlanRefusedError(f"{to.what} was not taken: {result.name}{texts}{hint}")
+        raise PlanRefusedError(f"PX4 did not accept {to.what}: {result.name}{texts}{hint}")
 
     async def download(self, of: _ItemList) -> list[PlanItem]:
         """Read one list. Raises PlanRefusedError if it cannot be read."""

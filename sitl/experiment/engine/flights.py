@@ -247,7 +247,7 @@ def _recorded(record: Path, world: Mapping[str, Any]) -> tuple[Measures, float, 
     """What a record and the world's report came to, how long it took, and its policy's fault.
 
     Raises:
-        AirRouterError: the flight program stalled so long that the vehicle held or came home.
+        AirRouterError: the flight program lagged so much that the result depends on the machine.
     """
     meter, arrived_bytes, now_s = Meter(EventQueue()), dict[str, int](), 0.0
     fault: str | None = None
@@ -259,10 +259,13 @@ def _recorded(record: Path, world: Mapping[str, Any]) -> tuple[Measures, float, 
                 fault = fault_in(entry.value.text)
         elif entry.kind == "link":
             arrived_bytes[entry.value.peer] = entry.value.bytes_in
+    # After one stall this long the vehicle held. Short lags whose sum was reported did not stop it,
+    # but its node and the world shared that processor, and exchanged less.
     if meter.longest_lag_s >= LAG_HOLD_S:
         raise AirRouterError(
-            f"the flight program stalled for {meter.longest_lag_s:.1f} s, so the vehicle held or "
-            "came home; make fewer runs at once (--jobs 1), or free the machine's processors"
+            f"the flight program stalled for {meter.longest_lag_s:.1f} s, at once or within "
+            "seconds, so its result depends on this machine; make fewer runs at once (--jobs 1), "
+            "or free the machine's processors"
         )
     robots, goals = world["robots"], world["goals"]
     syncs = [each for robot in robots.values() for each in robot["syncs"].items()]

@@ -39,7 +39,8 @@ class Meter(EventLog):
     """Counts a controller's events and decisions, as they happen or from a flight's record.
 
     Attributes:
-        longest_lag_s: The longest stall of the flight program since INIT began; 0: none.
+        longest_lag_s: The longest reported lag of the flight program since INIT began: one stall,
+            or the sum of short lags; 0: none.
     """
 
     def __init__(self, queue: EventQueue) -> None:

@@ -227,7 +227,7 @@ def test_without_the_fence_on_board_it_comes_home_among_the_new_zones(pretend):
     zone = box(ahead(flight, 40.0))
     change(flight, zone)
     commanded = len(flight.motions)
-    goes_on_board(flight, 10.0, "the fence was not taken: TIMEOUT")
+    goes_on_board(flight, 10.0, "PX4 did not accept the fence: TIMEOUT")
     assert flight.controller.state is State.HOME
     assert flight.controller.context.ending_why == "the changed fence is not on board"
     flight.lands(600.0)

@@ -41,6 +41,20 @@ def test_one_of_two_seconds_is_held_for_and_gone_on_after(away):
     assert not isinstance(flight.motions[-1], HoldHere)
 
 
+def test_short_lags_that_add_up_are_announced_and_flown_on(away):
+    """Each is shorter than a stall that the vehicle holds for: it was monitored in between."""
+    flight = away(duration_s=None)
+    commanded = len(flight.motions)
+    for _ in range(3):
+        flight.give(CompanionLagged(3.0, within_s=10.0))
+        flight.fly_for(8.0)
+    text = "the companion lacked the processor for 3.0 s of the last 10 s"
+    assert [text in each.text for each in flight.announcements].count(True) == 3
+    assert not lag_warnings(flight)
+    assert not any(isinstance(motion, HoldHere) for motion in flight.motions[commanded:])
+    assert flight.controller.state is not State.HOME
+
+
 def test_a_program_that_stands_still_again_and_again_comes_home(away):
     flight = away(duration_s=None)
     for _ in range(3):

@@ -34,6 +34,7 @@ from air_router.vehicle.vehicle import (
     FlightMode,
     Inspection,
     LinkSilent,
+    MavlinkSpoofed,
     PlanCompared,
     PlanReplaced,
     PlanTried,
@@ -138,7 +139,7 @@ def test_no_take_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovat
     flight = rig(arm=False, window=window, zones=(timed,))
     result = flight.run()
     assert result.exit_code == ExitCode.REFUSED
-    assert result.outcome.startswith("refused: no take-off before 22:13 UTC")
+    assert result.outcome.startswith("refused: it had not taken off by 22:13 UTC")
     assert "arm" not in flight.vehicle.verbs
     flight = rig(arm=False, window=window)
     zones = AirspaceChanged(pennovation.fences, (timed,))  # reloaded before the take-off
@@ -376,6 +377,23 @@ def test_a_type_that_changes_while_it_is_made_ready_ends_that(rig):
     result = flight.run()
     assert (result.exit_code, why in result.outcome) == (ExitCode.REFUSED, True)
     assert not {"arm", "start"} & set(vehicle.verbs)
+
+
+@pytest.mark.parametrize("in_air", [False, True])
+def test_what_is_received_once_during_the_pre_flight_is_announced(rig, in_air):
+    flight = rig(resume=in_air)
+    if in_air:
+        in_flight(flight)
+    name = "recognise" if in_air else "inspect"
+    verb = getattr(flight.vehicle, name)
+
+    async def meanwhile(argument):
+        flight.vehicle.callback(MavlinkSpoofed(flight.vehicle.airframe.now_s, 3))
+        return await verb(argument)
+
+    setattr(flight.vehicle, name, meanwhile)
+    assert flight.run().outcome == "done"
+    assert flight.out.getvalue().count("3 MAVLink messages posed as the vehicle") == 1
 
 
 def test_another_mission_s_flight_is_not_resumed(rig):

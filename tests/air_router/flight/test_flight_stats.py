@@ -182,3 +182,13 @@ def test_how_often_and_how_long_each_interlock_kept_the_mission_waiting(stats):
         "LINK_SILENT": {"times": 1, "total_s": 2.0},
         "INPUT_MISSING": {"times": 2, "total_s": 4.5},
     }
+
+
+def test_a_wait_that_the_flight_ends_in_counts_to_its_end(stats):
+    """As that for a link that is lost."""
+    place = Point(0.0, 0.0)
+    for now_s, changes in ((20.0, [MissionWaits("LINK_SILENT", "no message", 19.0)]), (30.0, [])):
+        stats.step(Telemetry(now_s, place, 40.0), changes, now_s)
+    for _ in range(2):  # a report changes nothing
+        waits = stats.report("lost", 0.0)["waits"]
+        assert waits == {"LINK_SILENT": {"times": 1, "total_s": 11.0}}

@@ -17,7 +17,7 @@ from air_router.controller.model.authority import PlanOwner
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.flight_setup import FlightSetup
 from air_router.controller.model.requests import Reload
-from air_router.errors import NotConfirmedError, PlanRefusedError
+from air_router.errors import NotConfirmedError, PlanKeptError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
 from air_router.flight.mission_reloader import NotReloadedError, ReloadReport, changed_areas
 from air_router.mission.flight_plan import FlightPlan
@@ -192,6 +192,22 @@ def test_with_the_altitude_in_doubt_the_file_is_compared_as_it_is_drawn(file):
     assert changed_areas(in_doubt).zones == load_mission(file).zones
 
 
+def test_a_reload_during_an_upload_has_that_as_its_reason(file):
+    controller = Controller(FlightSetup(load_mission(file)))
+    reader = rereading.MissionReloader(
+        controller, None, lambda event: controller.handle(event, 1.0), [].append
+    )
+
+    async def read(zone):
+        add_zone(file, zone)
+        await reader.work(ReadAgain())
+        return reader.latest
+
+    assert asyncio.run(read(LOW)).good  # uploaded at once: the vehicle is on the ground
+    again = asyncio.run(read(ZONE))
+    assert (again.good, again.why) == (False, "not reloaded: an upload is in progress")
+
+
 @pytest.mark.parametrize("replans", [True, False])
 def test_ways_that_another_change_came_before_are_not_flown(file, replans):
     """They were planned for what counted before that."""
@@ -302,7 +318,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
     ],
 )
 def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, message):
-    field.vehicle.failures["renew"] = [PlanRefusedError("the fence was not taken: TIMEOUT")]
+    field.vehicle.failures["renew"] = [PlanRefusedError("PX4 did not accept the fence: TIMEOUT")]
     field.vehicle.failures["renew"] += [back] if back else []
     before = FlightPlan.of(load_mission(file))
     result = field.reload(lambda: add_zone(file))
@@ -312,8 +328,39 @@ def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, me
     assert field.vehicle.verbs.count("renew") == 2
 
 
+def test_after_a_refusal_before_anything_was_sent_the_plan_on_board_is_left_as_it_is(field, file):
+    field.vehicle.failures["renew"] = [PlanKeptError("no current flight mode was received")]
+    result = field.reload(lambda: add_zone(file))
+    assert result.report["came_home_because"] == "the changed fence is not on board"
+    assert field.vehicle.verbs.count("renew") == 1
+    assert "is not on board: no current flight mode was received. " in field.out.getvalue()
+
+
+def test_a_plan_that_was_left_half_uploaded_is_restored_after_any_later_refusal(field, file):
+    vehicle, printed, requested = field.vehicle, field.out.getvalue, []
+    before = FlightPlan.of(load_mission(file))
+    vehicle.failures["renew"] = [
+        PlanRefusedError("PX4 did not accept the fence: TIMEOUT"),
+        PlanRefusedError("PX4 did not accept the fence: TIMEOUT"),
+        PlanKeptError("no current flight mode was received"),
+    ]
+
+    def again():
+        if not requested and "is not back" in printed():
+            requested.append(field.flight.commands.submit(Reload()))
+
+    def draw():
+        add_zone(file)
+        step = vehicle.on_step
+        vehicle.on_step = lambda: (step(), again())
+
+    field.reload(draw)
+    assert "no current flight mode was received; the one before is" in printed()
+    assert vehicle.plan == before
+
+
 def test_what_did_not_get_on_board_is_put_there_when_it_is_reloaded_once_more(field, file):
-    refused = PlanRefusedError("the fence was not taken: TIMEOUT")
+    refused = PlanRefusedError("PX4 did not accept the fence: TIMEOUT")
     vehicle, printed, requested = field.vehicle, field.out.getvalue, []
     vehicle.failures["renew"] = [refused]
 
@@ -399,4 +446,5 @@ def test_a_reload_is_good_only_while_this_missions_plan_is_on_board(whose):
     assert reader.report is None
     reader.latest = ReloadReport(under_way=False, good=True, why="the flight keeps to them")
     assert reader.report.good is (whose is PlanOwner.OURS)
-    assert ("another plan is on board" in reader.report.why) is (whose is not PlanOwner.OURS)
+    assert ("another plan is on board" in reader.report.why) is (whose is PlanOwner.ANOTHER)
+    assert ("being compared" in reader.report.why) is (whose is PlanOwner.REPLACED)

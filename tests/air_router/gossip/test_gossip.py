@@ -139,9 +139,10 @@ def test_a_path_that_no_robot_drives_takes_no_longer_to_read(event_of, pennovati
 
 
 def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, monkeypatch):
-    """Of those that have to wait the newest counts."""
+    """Of those that have to wait the newest counts; the sender of the others is answered."""
     place = pennovation.frame.to_geodetic(Point(30.0, -20.0))
-    given, now_s = [], [0.0]
+    given, answers, now_s = [], [], [0.0]
+    monkeypatch.setattr(gossip, "publish_ack", answers.append)
     gossip._reader = TeamMessageDecoder(pennovation.frame, name="titan", goals_from=("io",))
     gossip._deliver = lambda event: given.append(getattr(event, "request_id", None))
     gossip._budget = Budget(COSTLY_PER_S, 2.0, lambda: now_s[0])
@@ -157,6 +158,11 @@ def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, 
     gossip.publish_telemetry(Telemetry(50.0, Point(0.0, 0.0), 40.0))
     gossip.publish_telemetry(Telemetry(51.0, Point(0.0, 0.0), 40.0))
     assert [number for number in given if number is not None] == ["0", "1", "49"]
+    replaced = [str(number) for number in range(2, 49)]
+    assert [answer.request_id for answer in answers] == replaced
+    assert {(answer.by, answer.accepted, answer.code) for answer in answers} == {
+        ("io", False, Refusal.REPLACED)
+    }
 
 
 def test_only_what_the_mission_may_use_is_decompressed(events, pennovation):

@@ -103,7 +103,7 @@ def test_without_positions_it_holds_and_goes_on_some_seconds_after_they_are_back
     assert len(flight.motions) == commanded
     flight.fly_for(1.5)
     assert len(flight.motions) > commanded
-    assert announced(flight, "going on")
+    assert announced(flight, "all inputs are received again: continuing")
 
 
 ALARMED = [age for age, limit in INPUTS.items() if limit.stop_s is not None]

@@ -34,14 +34,12 @@ class FollowedCommands:
         self._px4 = px4
         self.sent = []
 
-    async def recheck(self, words, out_of=None, objection=None):
-        """It is in the mode that it was in."""
-
     async def send(self, wire, words, *, out_of, objection):
         self.sent.append(wire)
 
-    async def execute(self, order, shown, *, attempts):
+    async def execute(self, words, decide, *, attempts, out_of, objection):
         assert attempts > 1
+        order, _shown = decide()
         flies(self._px4, order.leads_to)
         self.sent.append(order)
 
@@ -84,13 +82,13 @@ def test_a_start_over_which_a_plan_is_put_on_board_is_refused(
         flies(px4, FlightMode.HOLD)
         px4.sends("MISSION_CURRENT", mission_id=1, fence_id=1, rally_points_id=1)
 
-        async def execute(order, shown, *, attempts):
+        async def execute(words, decide, *, attempts, out_of, objection):
             identifier = 2 if replaced else 1
             px4.sends("MISSION_CURRENT", mission_id=identifier, fence_id=1, rally_points_id=1)
             flies(px4, chosen)
             raise NotConfirmedError("Mission mode was requested and does not show")
 
-        commands = SimpleNamespace(execute=execute, recheck=FollowedCommands(px4).recheck)
+        commands = SimpleNamespace(execute=execute)
         with pytest.raises(error):
             await Px4Motions(pennovation, px4.telemetry, commands).start()
 

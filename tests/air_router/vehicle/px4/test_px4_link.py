@@ -46,7 +46,7 @@ def test_the_vehicle_is_learned_by_its_heartbeat_and_others_are_refused(caplog):
         assert not found.takes(datagram, INTRUDER, 1.1)
     assert found.takes(position(6), VEHICLE, 1.2)
     assert (found.peer, found.refused) == (VEHICLE, 3)
-    assert caplog.text.count("is not listened to") == 1
+    assert caplog.text.count("its messages are ignored") == 1
 
 
 def test_a_vehicle_that_was_silent_may_come_back_on_another_port_of_its_host():

@@ -1,6 +1,7 @@
 """No order leaves on an earlier mode: what is requested, what proves an answer, what is taken."""
 
 import asyncio
+import contextlib
 
 import pytest
 
@@ -10,7 +11,7 @@ from air_router.vehicle.px4.px4_motions import Px4Motions
 from air_router.vehicle.vehicle import FlightMode, LinkSilent, TakenOverError
 from geo.frame import Point
 from sitl.rehearsal.companion import SimulatedLoop, World
-from tests.air_router.vehicle.px4.conftest import HOLD, LAND, MISSION, ON_GROUND, RETURN
+from tests.air_router.vehicle.px4.conftest import HOLD, IN_AIR, LAND, MISSION, ON_GROUND, RETURN
 
 POSITION = 3 << 16
 STALLS_S = (0.25, 0.6, 1.0, 2.0)
@@ -62,6 +63,19 @@ class Wire:
     def run(self, verb, *, while_it_waits=lambda: None):
         """Carry a verb out; the vehicle's time goes on while the loop waits."""
         return on_its_time(self.px4, verb, while_it_waits)
+
+
+SPEED = ("COMMAND_LONG", 178)
+
+
+async def flown(wire, *legs):
+    """Fly legs; the vehicle acknowledges nothing, and the speed is sent once for each."""
+    for leg in legs:
+        with contextlib.suppress(NotConfirmedError):
+            await leg()
+        await asyncio.sleep(0.0)
+        wire.motions.stop_sending_speed()
+        await asyncio.sleep(0.0)
 
 
 class VehicleTime(World):
@@ -121,6 +135,55 @@ def test_a_hold_that_the_pilot_chose_is_not_taken_for_the_one_that_is_about_to_l
     wire.chosen = HOLD  # as one of ours from before may show it
     wire.run(wire.motions.hold(out_of={FlightMode.MISSION, FlightMode.HOLD}))
     assert len(wire.sent) == 1
+
+
+LEGS = {
+    "jump": lambda motions, objection: motions.jump(5, objection),
+    "reposition": lambda motions, objection: motions.reposition(Point(1.0, 2.0), 40.0, objection),
+}
+
+
+@pytest.mark.parametrize("leg", LEGS)
+def test_the_objection_is_the_last_thing_before_each_message(wire, leg):
+    """Also where the check of a leg takes longer than a received mode is good for."""
+    wire.px4.mode = HOLD
+    wire.px4.sends("HEARTBEAT")
+    happened = []
+
+    def objection():
+        happened.append("objection")
+        asyncio.get_running_loop().world.now_s += 0.05
+        wire.px4.wall_s += 0.05
+
+    take = wire.px4.telemetry.send
+    wire.px4.telemetry.send = lambda name, fields, **more: (
+        happened.append((name, fields.get("command"))) or take(name, fields, **more)
+    )
+    wire.run(flown(wire, lambda: LEGS[leg](wire.motions, objection)))
+    orders = [order for order in wire.sent if order != SPEED]
+    assert len(orders) == (2 if leg == "jump" else 1)
+    for order in orders:
+        assert happened[happened.index(order) - 1] == "objection"
+
+
+@pytest.mark.parametrize(
+    ("modes", "sent"), [((), False), ((HOLD,), True), ((POSITION, HOLD), True)]
+)
+def test_the_speed_is_sent_again_after_any_other_mode_in_the_air(wire, modes, sent):
+    """Whoever chose Mission mode again: PX4 has forgotten the speed of the plan."""
+    wire.px4.landed = ON_GROUND
+    wire.px4.run(1.0)
+    wire.px4.landed = IN_AIR  # it takes off in Mission mode
+    for mode in (MISSION, *modes, MISSION):
+        wire.px4.mode = wire.px4.intended = mode
+        wire.px4.run(1.5)
+    wire.run(flown(wire, lambda: wire.motions.jump(5)))
+    assert (SPEED in wire.sent) is sent
+
+
+def test_the_speed_of_a_flight_found_in_the_air_is_sent_with_its_first_jump(wire):
+    wire.run(flown(wire, lambda: wire.motions.jump(5)))
+    assert wire.sent == [("MISSION_SET_CURRENT", None), SPEED]
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -304,6 +367,7 @@ def test_an_order_does_not_leave_again_over_a_mode_that_no_heartbeat_has_reporte
         if len(turns) == 8:
             wire.chosen = LAND
 
-    with pytest.raises(NotConfirmedError):
+    with pytest.raises(TakenOverError) as caught:
         wire.run(wire.motions.hold(), while_it_waits=pilot)
+    assert (caught.value.mode, caught.value.sent) == (FlightMode.LAND, True)  # the first may come
     assert wire.sent == [("COMMAND_LONG", 176)]

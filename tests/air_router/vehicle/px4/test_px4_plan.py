@@ -9,7 +9,7 @@ import pytest
 from mavsdk.plugins.geofence.geofence import GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
-from air_router.errors import PlanRefusedError
+from air_router.errors import PlanKeptError, PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.px4 import px4_plan, px4_requests
 from air_router.vehicle.px4.mavlink_values import FENCE, MISSION, RALLY, MavCmd
@@ -315,6 +315,57 @@ def test_a_link_that_is_gone_while_rally_points_are_cleared_is_no_crash(pennovat
         asyncio.run(board.onboard().renew(dataclasses.replace(plan, rally=()), lambda: None))
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_rally_points_that_we_have_cleared_are_not_anothers_change(pennovation, first):
+    """PX4 clears them at the last request, and what it answers is lost."""
+    plan, board, requests = FlightPlan.of(pennovation), Board(), []
+    board.numbered()
+
+    def clear(name, _fields):
+        requests.append(name)
+        if len(requests) == px4_plan.PLAN_BUSY_ATTEMPTS:
+            board.rally = []
+
+    board.send = clear
+    board.rally = [to_raw(0, plan.rally[0], RALLY)]
+    board.report()
+    onboard = board.onboard()
+    if not first:
+        asyncio.run(onboard.upload(plan))
+    without = dataclasses.replace(plan, rally=())
+    asyncio.run(onboard.upload(without) if first else onboard.renew(without, lambda: None))
+    assert requests == ["MISSION_CLEAR_ALL"] * px4_plan.PLAN_BUSY_ATTEMPTS
+    board.report()
+    assert board.plan.guard.changed == frozenset()
+
+
+def test_a_list_whose_transfer_is_not_waited_for_is_not_anothers_change(pennovation):
+    """It was stored, and neither the answer nor the result was received in time."""
+
+    async def script():
+        plan, board, stored = FlightPlan.of(pennovation), Board(), asyncio.Event()
+        board.numbered()
+        onboard = board.onboard()
+        await onboard.upload(plan)
+
+        def store(items, _answer):
+            board.fence = items
+            stored.set()
+
+        onboard.fence = onboard.fence._replace(upload=store)
+        other = dataclasses.replace(plan, fence=plan.fence[:-4])
+        renewal = asyncio.ensure_future(onboard.renew(other, lambda: None))
+        await stored.wait()
+        renewal.cancel()
+        await asyncio.wait({renewal})
+        assert renewal.cancelled()
+        assert len(board.fence) == len(other.fence)
+        board.report()
+        return board.plan.guard.changed
+
+    assert asyncio.run(script()) == frozenset()
+
+
 @pytest.mark.parametrize("lost", [0, 1])
 def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation, lost):
     async def script():
@@ -336,6 +387,24 @@ def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation,
     (difference,), items = asyncio.run(script())
     wanted = f"the mission: {items} items sent, {items - 1} are on board" if lost else None
     assert difference == wanted
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_renewal_that_has_sent_nothing_leaves_the_plan_on_board_and_its_error_shows_that(
+    pennovation, begun
+):
+    plan, board = FlightPlan.of(pennovation), Board()
+    onboard = board.onboard()
+    asyncio.run(onboard.upload(plan))
+
+    def answers(kind):
+        board.sends_mode = kind != RALLY
+
+    board.sends_mode, board.after = begun, answers
+    other = dataclasses.replace(plan, fence=plan.fence[:-4], rally=plan.rally[:-1])
+    with pytest.raises(PlanRefusedError, match="no current flight mode was received") as caught:
+        asyncio.run(onboard.renew(other, lambda: None))
+    assert isinstance(caught.value, PlanKeptError) is not begun
 
 
 @pytest.mark.parametrize("before", [1, 2, 3])

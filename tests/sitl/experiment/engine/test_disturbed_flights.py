@@ -16,7 +16,9 @@ from air_router.record.recorder import Recorder
 from sitl.experiment.engine import flights
 
 UNIX_S = 1.7e9
-SHORT_S, LONG_S = 0.9 * LAG_HOLD_S, 1.5 * LAG_HOLD_S
+LONG_S = 1.5 * LAG_HOLD_S
+SHORT, LONG = CompanionLagged(0.9 * LAG_HOLD_S), CompanionLagged(LONG_S)
+STARVED = CompanionLagged(LONG_S, within_s=10.0)
 WORLD = {"robots": {"io": {"syncs": {}, "policy_fault": None}}, "goals": {"total": 0, "found": []}}
 
 
@@ -29,7 +31,7 @@ def flown(tmp_path, monkeypatch):
             changes = {10.0: (State.READY, State.INIT), 110.0: (State.INIT, State.HOME)}
             for now_s in sorted({*stalls, *changes}):
                 if now_s in stalls:
-                    recorder.event(CompanionLagged(stalls[now_s]), now_s)
+                    recorder.event(stalls[now_s], now_s)
                 else:
                     source, target = changes[now_s]
                     changed = StateChanged(source, Signal.TIMER, target, None)
@@ -46,11 +48,12 @@ def flown(tmp_path, monkeypatch):
     return fly
 
 
-def test_a_flight_held_for_a_stall_is_an_error_that_names_the_remedy(flown):
+@pytest.mark.parametrize("lag", [LONG, STARVED])
+def test_a_flight_held_for_a_stall_or_starved_is_an_error_that_names_the_remedy(flown, lag):
     with pytest.raises(AirRouterError, match=rf"stalled for {LONG_S:.1f} s.*--jobs 1"):
-        flown({40.0: LONG_S, 60.0: SHORT_S})
+        flown({40.0: lag, 60.0: SHORT})
 
 
-@pytest.mark.parametrize("stalls", [{5.0: LONG_S}, {40.0: SHORT_S}])
+@pytest.mark.parametrize("stalls", [{5.0: LONG}, {40.0: SHORT}])
 def test_a_stall_on_the_ground_or_a_short_one_disturbs_no_flight(flown, stalls):
     assert flown(stalls).measures["mission_s"] == pytest.approx(100.0)
