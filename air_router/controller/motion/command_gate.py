@@ -74,7 +74,8 @@ class CommandGate:
         by_points: Nodes are flown to by DO_REPOSITION, because the vehicle does not fly its
             plan.
         blocked: The last blocking interlock, until a motion is sent or the state changes.
-        waits_why: The last announced reason to hover without a clear way.
+        waits_why: The last announced reason to hover without a clear way; None: a motion was
+            commanded since.
         climb: The climb that a vehicle below its altitude flies before a leg.
     """
 
@@ -132,12 +133,13 @@ class CommandGate:
             context.task.way.brake()
             self.send(HoldHere("an earlier command may still be under way; stopping to plan again"))
             return MotionOutcome.INSTEAD
-        if not context.interlocks.climb_required:
-            return self.send(motion)
-        allowed = self.climb.first(motion, self.last, self.reaction_s)
-        if isinstance(allowed, NoClimb):
-            return self.wait_here(allowed.why, CLIMB_BY_HAND)
-        return self.send(allowed)
+        if context.interlocks.climb_required:
+            allowed = self.climb.first(motion, self.last, self.reaction_s)
+            if isinstance(allowed, NoClimb):
+                return self.wait_here(allowed.why, CLIMB_BY_HAND)
+            motion = allowed
+        self.waits_why = None  # there is a way: the next reason to wait is announced
+        return self.send(motion)
 
     def _block(self, motion: Motion, rows: Sequence[Interlock]) -> Blocked:
         """Block the motion. The first row decides what follows; any row may defer the motion."""
@@ -157,10 +159,6 @@ class CommandGate:
     def mission_goes_on(self) -> None:
         """Nothing blocks the mission: the next blocking row starts its own time."""
         self.blocked = None
-
-    def way_found(self) -> None:
-        """There is a way: announce the next reason to wait."""
-        self.waits_why = None
 
     def fly_points(self, *, instead: bool) -> None:
         """Fly to nodes by DO_REPOSITION from now on, or as items of the plan again."""

@@ -132,8 +132,6 @@ class Navigator:
             context.task.way.go_on()
         elif motion is not None:
             self._gate.command(motion)
-            if not isinstance(motion, HoldHere):
-                self._gate.way_found()
         progress = self._context.task.way.progress
         if progress is Progress.ARRIVED:
             self.follow(self._context.task.handler.arrived())
