@@ -163,6 +163,8 @@ class CommandGate:
     def fly_points(self, *, instead: bool) -> None:
         """Fly to nodes by DO_REPOSITION from now on, or as items of the plan again."""
         self.by_points = instead
+        if not instead:
+            self.refused_jumps = 0  # they concern the plan that was on board before
 
     def reacts_within(self, reaction_s: float) -> None:
         """Set the longest delay before the vehicle follows a command, on its clock."""
