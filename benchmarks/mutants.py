@@ -88,7 +88,7 @@ MUTANTS = (
     _row("not received for 30 s", "air_router.controller/limits", "VEHICLE_SILENT_S: Final = 3.0",
          "VEHICLE_SILENT_S: Final = 30.0", "command_handler"),
     _row("put off when ready only", "air_router.table",
-         "Spec(HoldState, puts_off=True", "Spec(HoldState", "command_handler"),
+         "Spec(HoldState, defers=True", "Spec(HoldState", "command_handler"),
     _row("short overshoot", "air_router.controller/limits", "BRAKING_OVERSHOOT: Final = 1.5",
          "BRAKING_OVERSHOOT: Final = 0.5", "airspace_update"),
     _row("skipped fly on", "air_router.airspace_update", "if before.skipped != now.skipped", "if False",

@@ -65,7 +65,7 @@ class CommandHandler:
         standstill: Knows why the vehicle does not move as commanded.
 
     Attributes:
-        later: A deferred request for points; None: there is none.
+        deferred: A deferred request for points; None: there is none.
     """
 
     _context: MissionContext
@@ -75,13 +75,13 @@ class CommandHandler:
     _states: StateHandlers
     _airspace_update: AirspaceUpdate
     _standstill: Standstill
-    later: GoTo | None = None
-    _until_s: float = math.inf  # when `later` expires, vehicle's clock
+    deferred: GoTo | None = None
+    _until_s: float = math.inf  # when `deferred` expires, vehicle's clock
 
     def handle(self, request: AnyRequest) -> None:
         """Handle a request of the pilot, the operator or a program; points may be deferred."""
-        if isinstance(request, GoTo) and request.waits and self._context.task.spec.puts_off:
-            self._put_off(request)
+        if isinstance(request, GoTo) and request.waits and self._context.task.spec.defers:
+            self._defer(request)
             return
         context, number, by = self._context, request.request_id, request.by
         try:
@@ -425,24 +425,28 @@ class CommandHandler:
 
     # Deferred requests.
 
-    def _put_off(self, request: GoTo) -> None:
+    def _defer(self, request: GoTo) -> None:
         """Defer a request until the vehicle flies its mission; a newer one replaces it."""
-        before, self.later = self.later, request
-        self._until_s = self._context.now_s + request.waits_s
-        if before is not None:
-            why, code = "replaced by a newer request", Refusal.REPLACED
-            self._context.actions.append(CommandAck(before.request_id, before.by, False, why, code))
+        self._refuse_deferred(Refusal.REPLACED, "replaced by a newer request")
+        self.deferred, self._until_s = request, self._context.now_s + request.waits_s
         self._context.inform(f"points from {request.by} wait until the vehicle flies on")
 
-    def now_what_waited(self) -> None:
-        """Handle a deferred request, or refuse it if it has expired."""
-        if self.later is not None and not self._context.task.spec.puts_off:
-            request, self.later = self.later, None
-            if self._context.now_s <= self._until_s:
-                self.handle(request)
-                return
-            why = "it expired before the vehicle flew on"
-            ack = CommandAck(request.request_id, request.by, False, why, Refusal.TOO_LATE)
+    def handle_deferred(self) -> None:
+        """Handle a deferred request, unless the state defers it still."""
+        request = self.deferred
+        if request is not None and not self._context.task.spec.defers:
+            self.deferred = None
+            self.handle(request)
+
+    def expire_deferred(self) -> None:
+        """Refuse a deferred request whose time is over, in any state."""
+        if self._context.now_s > self._until_s:
+            self._refuse_deferred(Refusal.TOO_LATE, "it expired before the vehicle flew on")
+
+    def _refuse_deferred(self, code: Refusal, why: str) -> None:
+        request, self.deferred, self._until_s = self.deferred, None, math.inf
+        if request is not None:
+            ack = CommandAck(request.request_id, request.by, False, why, code)
             self._context.actions.append(ack)
 
 

@@ -205,6 +205,7 @@ class Controller:
         """Handle one event at vehicle time `now_s`; return the actions, in order."""
         context = self.context
         context.begin(now_s)
+        self._commands.expire_deferred()
         if context.silent_s > 0.0 and not self._authority.link_restored(event):
             return context.actions
         reaction = self._reactions.get(type(event))
@@ -295,7 +296,7 @@ class Controller:
         context.alarms.end_all()
         if done:
             self.gate.stop()
-        self._commands.now_what_waited()
+        self._commands.handle_deferred()
         if not done:
             context.authority.goes_on()
             self.gate.let_go()

@@ -325,10 +325,10 @@ class TelemetryHandler:
         self._gate.mission_goes_on()
         ends_s = self._context.task.ends_s
         over = ends_s is not None and self._context.now_s >= ends_s
-        if over or self._commands.later is not None:
+        if over or self._commands.deferred is not None:
             if self._context.left_s == 0.0:
                 self._context.signal(Signal.TIMER)
-            self._commands.now_what_waited()
+            self._commands.handle_deferred()
         return False
 
     def fly_on(self, situation: Situation) -> bool:
