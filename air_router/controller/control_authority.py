@@ -318,7 +318,6 @@ class ControlAuthority:
         """
         if not isinstance(event, Telemetry):
             return True
-        self._context.received(event)
         mode_s, before_s = event.ages.mode_s, self._mode_s
         announced = mode_s == 0.0 or (before_s is not None and mode_s < before_s)
         chosen = event.failsafe or event.mode not in self._gate.modes

@@ -156,7 +156,7 @@ class Controller:
         # Displays must not change the flight, so they use a separate monitor.
         shown = ReturnMonitor(context, states.reachability)
         self._shown_commands = replace(commands, _returns=shown)
-        vehicle = TelemetryHandler(
+        vehicle = self._vehicle = TelemetryHandler(
             context,
             gate,
             navigator,
@@ -206,6 +206,8 @@ class Controller:
         context = self.context
         context.begin(now_s)
         self._commands.expire_deferred()
+        if isinstance(event, Telemetry):
+            event = self._vehicle.store(event)
         if context.silent_s > 0.0 and not self._authority.link_restored(event):
             return context.actions
         reaction = self._reactions.get(type(event))

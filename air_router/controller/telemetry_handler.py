@@ -110,11 +110,18 @@ class TelemetryHandler:
     _pilot_arms: bool
     _battery: BatteryWatch = field(default_factory=BatteryWatch)
 
-    def received(self, telemetry: Telemetry) -> None:
-        """Handle the first of `FINDINGS` that is true."""
-        context = self._context
+    def store(self, telemetry: Telemetry) -> Telemetry:
+        """Store telemetry with the filtered charge in the context, and return it.
+
+        Called with all telemetry, also with what is received first after a silence.
+        """
         telemetry = self._with_believed_charge(telemetry)
-        context.received(telemetry)
+        self._context.received(telemetry)
+        return telemetry
+
+    def received(self, telemetry: Telemetry) -> None:
+        """Handle the first of `FINDINGS` that is true for stored telemetry."""
+        context = self._context
         self._phase.note(telemetry)
         self._lag.note(telemetry)
         self._home.note(telemetry)

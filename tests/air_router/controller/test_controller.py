@@ -16,7 +16,7 @@ from air_router.controller.model.actions import (
 )
 from air_router.controller.model.events import AirspaceChanged, PeerFault, RobotPose
 from air_router.controller.model.interlocks_raised import Anomaly
-from air_router.controller.model.requests import GoOn, GoTo, HoldNow
+from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Navigator
 from air_router.mission.mission import Waypoint
@@ -358,6 +358,18 @@ def test_a_hold_that_was_not_requested_does_not_leave_while_nothing_is_received(
     flight.give(LinkSilent(flight.now_s, 4.0))
     flight.operator_requests(HoldNow())
     assert flight.controller.state is State.HOLD
+
+
+def test_one_message_with_an_empty_battery_right_after_a_silence_counts_for_nothing(away):
+    flight = away()
+    flight.voltage_v = 16.8
+    flight.operator_requests(ComeHome())
+    flight.give(LinkSilent(flight.now_s, 4.0))
+    flight.battery = 0.0
+    reports_mode(flight, 1.2)  # it is not known yet whether a pilot has it
+    assert flight.controller.telemetry.battery == 1.0
+    assert "the charge jumped from 100% to 0%" in flight.announced[-1]
+    assert flight.operator_requests(HoldNow()).accepted
 
 
 @pytest.mark.parametrize("seed", range(4))
