@@ -71,6 +71,22 @@ def test_comm_ends_after_t_c_when_only_one_direction_syncs(pretend):
     assert flight.now_s - began_s == pytest.approx(20.0, abs=0.3)
 
 
+def test_a_sync_that_a_byte_budget_cut_short_does_not_end_comm(pretend):
+    flight = in_comm(pretend)
+    robot = flight.controller.context.task.robot
+    flight.robots = {}
+
+    def sync(*, complete):
+        for direction in Direction:
+            flight.give(SyncStarted(robot, 0.0, direction))
+            flight.give(SyncEnded(robot, 0.0, direction, 1, 1, 0.1, complete=complete))
+
+    sync(complete=False)
+    assert flight.controller.state is State.COMM
+    sync(complete=True)
+    assert flight.controller.state is State.EXPL
+
+
 def test_a_sync_that_began_before_the_robot_was_found_does_not_count(pretend):
     flight = in_comm(pretend)
     robot = flight.controller.context.task.robot
