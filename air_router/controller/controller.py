@@ -380,7 +380,7 @@ class Controller:
             left_s=context.left_s,
             goal=context.task.way.goal,
             legs=context.task.way.ahead,
-            points_left=len(goto.stops) - goto.done if goes_to and goto is not None else 0,
+            points_left=goto.left if goes_to and goto is not None else 0,
             waypoints_left=self.exploration.remaining,
             no_way_home=self.states.reachability.no_way_home,
             interlocks=tuple([row.name for row in raised(context)]),

@@ -437,6 +437,21 @@ def test_points_are_flown_to_one_after_the_other_and_then_it_explores_on(in_stat
     assert closest_m >= flight.mission.planner.clearance_m
 
 
+def test_points_left_are_those_not_reached_yet_also_at_the_last_and_after_a_hold(in_state):
+    flight = in_state(State.GOTO)
+    controller = flight.controller
+    assert controller.status().points_left == 2
+    flight.fly_until(lambda: controller.status().points_left == 1, 200.0)
+    assert math.dist(flight.position, FAR[0]) < 3.0
+    flight.fly_until(lambda: controller.context.left_s is not None, 200.0)
+    assert controller.status().points_left == 0  # it hovers at the last one
+    send(flight, HoldNow())
+    assert send(flight, GoOn())[0].accepted
+    flight.fly_for(2.0)
+    assert (controller.state, controller.status().points_left) == (State.GOTO, 0)
+    flight.fly_to_state(State.EXPL, 30.0)
+
+
 def test_gusts_do_not_keep_it_at_a_point_for_ever(in_state):
     flight = in_state(State.GOTO)
     flight.fly_until(lambda: math.dist(flight.position, FAR[0]) < 1.0, 300.0)
