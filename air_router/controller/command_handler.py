@@ -132,7 +132,12 @@ class CommandHandler:
             due = self._returns.due(context.last_telemetry)
             why = None if due is None else due.why
         if why is not None:
-            raise _comes_home(why)
+            raise self._ends(why)
+
+    def _ends(self, why: str) -> RequestRefusedError:
+        """The refusal of requests while the vehicle comes home or lands, for this reason."""
+        does = "lands" if self._context.task.state is State.LAND else "comes home"
+        return RequestRefusedError(Refusal.COMING_HOME, f"it {does}: {why}")
 
     def _check_may_move(self) -> None:
         """In addition, the position is known."""
@@ -310,7 +315,7 @@ class CommandHandler:
     def _handle_goto(self, request: GoTo) -> Accepted:
         context = self._context
         if request.waits and context.task.state is State.HOME:  # requested by the operator
-            raise _comes_home(context.ending_why)
+            raise self._ends(str(context.ending_why))
         self._check_may_move()
         hold_s = (
             context.airspace.mission.timers.hold_s if request.hold_s is None else request.hold_s
@@ -448,8 +453,3 @@ class CommandHandler:
         if request is not None:
             ack = CommandAck(request.request_id, request.by, False, why, code)
             self._context.actions.append(ack)
-
-
-def _comes_home(why: str | None) -> RequestRefusedError:
-    """The refusal of requests while the vehicle comes home."""
-    return RequestRefusedError(Refusal.COMING_HOME, f"it comes home: {why}")
