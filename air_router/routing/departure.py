@@ -121,7 +121,7 @@ class Rule(NamedTuple):
         first: Airspace for the first meters.
         reach_m: Length of the first meters.
         whole: Airspace for the whole leg in addition; None: no further rule.
-        warning: Warning to the operator about the vehicle's position; empty: no warning.
+        warning: Warning about the start, printed by `air-router plan`; empty: no warning.
     """
 
     begins: Begins
