@@ -1,7 +1,8 @@
 """Responds to deviations from the plan and to missing inputs.
 
 Each deviation is announced when it begins. This table has the responses. There is none while a
-pilot flies, zones are being changed, or the vehicle lands.
+pilot flies, zones are being changed, or the vehicle lands; only for a home that moved up or down
+does it also stop while zones are being changed.
 
 | deviation | begins | response |
 |---|---|---|
@@ -127,9 +128,9 @@ class Deviations:
                 continue
             then = announcements.then
             if then and landing:
-                then = "landing on"
+                then = "the landing continues"
             elif then and context.task.state is State.READY:
-                then = "the climb goes on"  # PX4 ends it above home on its own
+                then = "the climb continues"  # PX4 ends it above home on its own
             text = f"{announcements.what}: {then}" if then else announcements.what
             if announcements.alarms and announcements.instruction is not None and not landing:
                 context.alarm_until_over(

@@ -100,7 +100,7 @@ class ReadyState(StateHandler):
     def disarmed(self) -> None:
         """The vehicle was armed and disarmed on the ground; the pilot may start again."""
         self._rise = ClimbWatch()
-        self._context.inform("disarmed before take-off: waiting on")
+        self._context.inform("disarmed before take-off: still waiting for the pilot to arm")
 
     def watch(self, telemetry: Telemetry) -> None:
         """Start the mission at its altitude; hold after a take-off that it cannot continue."""
