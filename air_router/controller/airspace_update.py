@@ -210,7 +210,7 @@ class AirspaceUpdate:
 
     # Until the change is complete.
 
-    def go_on(self, telemetry: Telemetry) -> None:
+    def continue_change(self, telemetry: Telemetry) -> None:
         """Continue the change; everything else waits."""
         gate, urgent = self._gate, not self._lifts and self._urgent(telemetry)
         if urgent and self._context.airspace.change is ZoneChange.UPLOADING:

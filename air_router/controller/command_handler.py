@@ -349,7 +349,7 @@ class CommandHandler:
                 raise RequestRefusedError(self._why_ours_not(), why)
             first = "the plan is uploaded again, then " if upload else ""
             return Accepted(f"{first}the mission continues from here")
-        return Accepted(self._states.hold.go_on(request.by))
+        return Accepted(self._states.hold.resume(request.by))
 
     def _why_ours_not(self) -> Refusal:
         """The code of a refused resume: whether only the plan on board is the reason."""

@@ -283,25 +283,25 @@ class Controller:
         if not spec.keeps_target:
             context.task.seek(None)
         if not spec.ours:
-            self._let_go()
+            self._stop_commanding()
         self.navigator.follow(handler.begin())
 
     def _flown_before(self, event: FlownBefore) -> None:
         self.context.task.fly_since(event.airborne_s)
-        self.exploration.go_on(event.visited, event.left_out)
+        self.exploration.restore(event.visited, event.left_out)
 
-    def _let_go(self) -> None:
-        """Stop commanding: hands off, or the end of the flight."""
+    def _stop_commanding(self) -> None:
+        """Hands off, or the end of the flight."""
         context = self.context
         done = context.task.state is State.DONE
-        context.authority.let_go()
+        context.authority.clear_pending()
         context.alarms.end_all()
         if done:
             self.gate.stop()
         self._commands.handle_deferred()
         if not done:
-            context.authority.goes_on()
-            self.gate.let_go()
+            context.authority.end_stop()
+            self.gate.forget_commands()
             return
         landed_by_us = self._left is State.LAND
         why = self._phase.ending(landed_by_us=landed_by_us)

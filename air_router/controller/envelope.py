@@ -288,7 +288,7 @@ class Envelope:
         rough = conditions.waits or poor or telemetry.wind_m_s is not None
         found = (
             self._height.update(telemetry),
-            self._home.anomaly(telemetry) if in_doubt else None,
+            self._home.deviation(telemetry) if in_doubt else None,
             self._clearance.update(telemetry),
             self._speed.update(telemetry),
             conditions.update(telemetry) if rough else None,

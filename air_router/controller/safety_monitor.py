@@ -146,7 +146,7 @@ class FlightPhase:
             return False
         self._was_armed = False
         self._context.authority.begin_anew()
-        self._gate.let_go()
+        self._gate.forget_commands()
         return True
 
     def ending(self, *, landed_by_us: bool) -> str:
@@ -271,7 +271,7 @@ class HomeWatch:
             return Response.ANNOUNCE
         return Response.HOLD
 
-    def anomaly(self, telemetry: Telemetry) -> Deviation | None:
+    def deviation(self, telemetry: Telemetry) -> Deviation | None:
         """The deviation if the receiver's altitude has drifted past a further limit."""
         if abs(self.receiver_off_m) >= ALTITUDE_DISAGREES_HOME_M:
             self.in_doubt = True

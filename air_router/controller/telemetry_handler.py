@@ -315,9 +315,9 @@ class TelemetryHandler:
         if context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
             return True  # a hold might override a pilot's command that is not confirmed yet
         if context.airspace.change is not None:
-            self._airspace_update.go_on(situation.telemetry)
+            self._airspace_update.continue_change(situation.telemetry)
             return True
-        if climb.climb is not None and climb.go_on(situation.telemetry, self._gate.last):
+        if climb.climb is not None and climb.continues(situation.telemetry, self._gate.last):
             if climb.climb is None:
                 self._navigator.follow(context.task.handler.replan())
             elif climb.stuck(situation.telemetry):

@@ -296,7 +296,7 @@ class CommandGate:
             self._context.warn("the plan on board is not flown: flying to points instead", READ_PX4)
         self._context.retry_in(RETRY_S if event.sent else RETRY_S / 2)
 
-    def let_go(self) -> None:
+    def forget_commands(self) -> None:
         """Hands off: forget everything commanded."""
         self.stop()
         self.blocked = None

@@ -129,7 +129,7 @@ class Navigator:
         if isinstance(motion, HoldHere) and context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
             # A hold would override a pilot's command; replanned if there is none.
             context.interlocks.defer_motion()
-            context.task.way.go_on()
+            context.task.way.cancel_stop()
         elif motion is not None:
             self._gate.command(motion)
         progress = self._context.task.way.progress
