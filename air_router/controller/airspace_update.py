@@ -358,8 +358,7 @@ class AirspaceUpdate:
         """
         context, mission = self._context, self._context.airspace.mission
         self._doubted = True
-        charge = telemetry.battery
-        if charge is not None and charge <= mission.battery_reserve:
+        if mission.at_reserve(telemetry.battery):
             self.trust_altitude("the battery is at its reserve")
         waits = self.replans or context.airspace.change is ZoneChange.UPLOADING
         altitude_jump = context.interlocks.is_raised(

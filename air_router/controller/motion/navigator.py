@@ -452,8 +452,7 @@ class Navigator:
         On the way out of a zone the route is planned among these zones only.
         """
         context, altitude_m = self._context, telemetry.altitude_m
-        cruise = context.airspace.mission.cruise
-        cruises = cruise.lower_m <= altitude_m <= cruise.upper_m
+        cruises = context.airspace.mission.cruises_at(altitude_m)
         if cruises or context.airspace.flown_router is context.airspace.way_out_router:
             return None
         here, momentum = telemetry.position, self._gate.momentum(telemetry, age_s)
