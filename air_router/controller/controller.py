@@ -118,8 +118,9 @@ class Controller:
     ) -> None:
         mission, explore = setup.mission, setup.explore
         router = router if router is not None else Router(WaypointGraph(mission))
-        plan = self._plan = plan if plan is not None else FlightPlan.of(mission)
-        self._transitions = transitions(explores=explore)
+        plan = plan if plan is not None else FlightPlan.of(mission)
+        self._plan = plan  # knows the nodes of the autopilot's items
+        self._transitions = transitions(explores=explore)  # the next state by signal
         self._left = State.READY  # the state before this one
         self._announced_sought: str | None = None  # the robot in the last `Seeking`
         self._recorded_wait: Interlock | None = None  # the row in the last `MissionWaits`
@@ -134,7 +135,7 @@ class Controller:
         self.search = Search(context, navigator, setup, exploration, policy, ground=ground)
         states = self.states = StateHandlers(context, gate, navigator, self.search)
         # Monitors, in the order in which they run.
-        self._phase = FlightPhase(context, gate)
+        self._phase = FlightPhase(context, gate)  # why the flight has ended, too
         home = HomeWatch(context)
         monitor = SafetyMonitor(context, gate, plan)
         envelope = Envelope(context, gate, home)
@@ -142,9 +143,10 @@ class Controller:
         standstill = Standstill(context)
         lag = LagMonitor(context)
         deviations = Deviations(context, gate, self.returns, lag, envelope)
-        authority = self._authority = ControlAuthority(context, gate, navigator, monitor)
+        authority = ControlAuthority(context, gate, navigator, monitor)
+        self._authority = authority  # releases the vehicle, and ends a silence
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration, self.returns)
-        commands = self._commands = CommandHandler(
+        commands = CommandHandler(
             context,
             self.returns,
             authority,
@@ -153,10 +155,11 @@ class Controller:
             self.airspace_update,
             standstill,
         )
+        self._commands = commands  # handles requests; keeps the deferred one
         # Displays must not change the flight, so they use a separate monitor.
         shown = ReturnMonitor(context, states.reachability)
         self._shown_commands = replace(commands, _returns=shown)
-        vehicle = self._vehicle = TelemetryHandler(
+        vehicle = TelemetryHandler(
             context,
             gate,
             navigator,
@@ -174,6 +177,7 @@ class Controller:
             standstill,
             setup.pilot_arms,
         )
+        self._vehicle = vehicle  # stores telemetry, and responds to it
         # The handler of each event; other events (links between peers, metrics) are only recorded.
         self._reactions: dict[type, Callable[[Any], Wanted | None]] = {
             Telemetry: vehicle.received,

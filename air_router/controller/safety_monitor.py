@@ -207,7 +207,7 @@ class HomeWatch:
     receiver_off_m: float = 0.0
     in_doubt: bool = False
     _first: list[float] = field(default_factory=list)  # differences in the first seconds
-    _first_at_s: float = math.inf
+    _first_at_s: float = math.inf  # time of the first of them, vehicle's clock
     _receiver_at_s: float = 0.0  # time of the previous telemetry
     _receiver_announced_m: float = 0.0  # the largest limit announced
     _announced: HomeMove | None = None  # the last announced move of home
