@@ -83,7 +83,7 @@ class AirspaceUpdate:
     _doubted: bool = False  # the altitude is in doubt
     _trusts: bool = False  # PX4's altitude is used although it is in doubt
     _checked_mission: Mission | None = None  # the mission whose zones apply as they should
-    _lifts: bool = False  # the upload removes zones, where PX4 would hold
+    _lifts: bool = False  # zones on board apply no longer, and PX4 would hold in them
 
     def prepare(self, router: Router) -> None:
         """Use this router, made elsewhere, for the next zones, if it was made for them."""
@@ -113,7 +113,7 @@ class AirspaceUpdate:
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with the airspace computed elsewhere
         context.airspace.replace(mission, router)
-        self._lifts |= before.all_zones and not mission.all_zones
+        self._lifts = not mission.all_zones and (self._lifts or before.all_zones)
         self._way_out = None
         self._what = "the changed fence"
         when = "; they are uploaded when the mission is resumed" if self._deferred else ""
@@ -169,6 +169,7 @@ class AirspaceUpdate:
     def _begin(self, before: Mission, now: Mission) -> None:
         """Respond at once: upload on the ground; in the air hold if the leg is no longer clear."""
         telemetry, state = self._context.telemetry, self._context.task.state
+        self._new |= names_of_new(before, now)
         if state is State.READY and (telemetry is None or not telemetry.armed):
             self._upload()
         climbs = self._context.in_air or state is not State.READY
@@ -176,7 +177,6 @@ class AirspaceUpdate:
             return
         if self._context.authority.releasing is not None:
             return  # it holds and is released then
-        self._new |= names_of_new(before, now)
         if state is not State.LAND:  # a landing cannot leave: it is a breach
             self._context.airspace.exempt(self._reached(before, now, telemetry))
         if state is State.READY:
@@ -216,7 +216,7 @@ class AirspaceUpdate:
 
     # Until the change is complete.
 
-    def go_on(self, telemetry: Telemetry) -> None:
+    def continue_change(self, telemetry: Telemetry) -> None:
         """Continue the change; everything else waits."""
         gate, urgent = self._gate, not self._lifts and self._urgent(telemetry)
         if urgent and self._context.airspace.change is ZoneChange.UPLOADING:
@@ -326,26 +326,29 @@ class AirspaceUpdate:
 
     def plan_renewed(self, event: PlanRenewed) -> None:
         """Resume after the upload, or come home if PX4 does not have the fence."""
-        if self._context.airspace.change is not ZoneChange.UPLOADING:
+        context = self._context
+        if context.airspace.change is not ZoneChange.UPLOADING:
             return
-        self._lifts = False
-        self._new = frozenset()
-        self._context.airspace.finish_change()
         # Without the upload the plan on board is unknown.
         self._gate.fly_points(instead=event.why_not is not None)
-        if event.why_not is None:
-            self._context.authority.plan_is(PlanOwner.OURS)
-            self._context.inform(f"{self._what} is on board")
+        if event.why_not is not None:
+            context.warn(f"{self._what} is not on board: {event.why_not}", RELOAD_AGAIN)
+            if self._deferred or context.authority.plan_check is not None:
+                # Uploaded again when the mission is resumed. Until then the change is not over:
+                # the stop that it needs, and the zones that are no breach, stay.
+                context.airspace.clear()
+                return
+            context.airspace.finish_change()
+            if context.knows(Signal.COME_HOME):
+                context.come_home(f"{self._what} is not on board", BE_READY_AT_HOME)
+                return
         else:
-            self._context.warn(f"{self._what} is not on board: {event.why_not}", RELOAD_AGAIN)
-            if self._deferred or self._context.authority.plan_check is not None:
-                self._context.airspace.clear()  # uploaded again when the mission is resumed
-                return
-            if self._context.knows(Signal.COME_HOME):
-                self._context.come_home(f"{self._what} is not on board", BE_READY_AT_HOME)
-                return
-        if self._context.in_air:
-            self._navigator.follow(self._context.task.handler.replan())
+            self._lifts, self._new = False, frozenset()
+            context.airspace.finish_change()
+            context.authority.plan_is(PlanOwner.OURS)
+            context.inform(f"{self._what} is on board")
+        if context.in_air:
+            self._navigator.follow(context.task.handler.replan())
 
     # Altitude in doubt.
 
@@ -361,8 +364,7 @@ class AirspaceUpdate:
         """
         context, mission = self._context, self._context.airspace.mission
         self._doubted = True
-        charge = telemetry.battery
-        if charge is not None and charge <= mission.battery_reserve:
+        if mission.at_reserve(telemetry.battery):
             self.trust_altitude("the battery is at its reserve")
         waits = self.replans or context.airspace.change is ZoneChange.UPLOADING
         altitude_jump = context.interlocks.is_raised(

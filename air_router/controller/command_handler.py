@@ -65,7 +65,7 @@ class CommandHandler:
         standstill: Knows why the vehicle does not move as commanded.
 
     Attributes:
-        later: A deferred request for points; None: there is none.
+        deferred: A deferred request for points; None: there is none.
     """
 
     _context: MissionContext
@@ -75,13 +75,13 @@ class CommandHandler:
     _states: StateHandlers
     _airspace_update: AirspaceUpdate
     _standstill: Standstill
-    later: GoTo | None = None
-    _until_s: float = math.inf  # when `later` expires, vehicle's clock
+    deferred: GoTo | None = None
+    _until_s: float = math.inf  # when `deferred` expires, vehicle's clock
 
     def handle(self, request: AnyRequest) -> None:
         """Handle a request of the pilot, the operator or a program; points may be deferred."""
-        if isinstance(request, GoTo) and request.waits and self._context.task.spec.puts_off:
-            self._put_off(request)
+        if isinstance(request, GoTo) and request.waits and self._context.task.spec.defers:
+            self._defer(request)
             return
         context, number, by = self._context, request.request_id, request.by
         try:
@@ -132,7 +132,12 @@ class CommandHandler:
             due = self._returns.due(context.last_telemetry)
             why = None if due is None else due.why
         if why is not None:
-            raise _comes_home(why)
+            raise self._ends(why)
+
+    def _ends(self, why: str) -> RequestRefusedError:
+        """The refusal of requests while the vehicle comes home or lands, for this reason."""
+        does = "lands" if self._context.task.state is State.LAND else "comes home"
+        return RequestRefusedError(Refusal.COMING_HOME, f"it {does}: {why}")
 
     def _check_may_move(self) -> None:
         """In addition, the position is known."""
@@ -310,7 +315,7 @@ class CommandHandler:
     def _handle_goto(self, request: GoTo) -> Accepted:
         context = self._context
         if request.waits and context.task.state is State.HOME:  # requested by the operator
-            raise _comes_home(context.ending_why)
+            raise self._ends(str(context.ending_why))
         self._check_may_move()
         hold_s = (
             context.airspace.mission.timers.hold_s if request.hold_s is None else request.hold_s
@@ -344,7 +349,7 @@ class CommandHandler:
                 raise RequestRefusedError(self._why_ours_not(), why)
             first = "the plan is uploaded again, then " if upload else ""
             return Accepted(f"{first}the mission continues from here")
-        return Accepted(self._states.hold.go_on(request.by))
+        return Accepted(self._states.hold.resume(request.by))
 
     def _why_ours_not(self) -> Refusal:
         """The code of a refused resume: whether only the plan on board is the reason."""
@@ -425,27 +430,26 @@ class CommandHandler:
 
     # Deferred requests.
 
-    def _put_off(self, request: GoTo) -> None:
+    def _defer(self, request: GoTo) -> None:
         """Defer a request until the vehicle flies its mission; a newer one replaces it."""
-        before, self.later = self.later, request
-        self._until_s = self._context.now_s + request.waits_s
-        if before is not None:
-            why, code = "replaced by a newer request", Refusal.REPLACED
-            self._context.actions.append(CommandAck(before.request_id, before.by, False, why, code))
+        self._refuse_deferred(Refusal.REPLACED, "replaced by a newer request")
+        self.deferred, self._until_s = request, self._context.now_s + request.waits_s
         self._context.inform(f"points from {request.by} wait until the vehicle flies on")
 
-    def now_what_waited(self) -> None:
-        """Handle a deferred request, or refuse it if it has expired."""
-        if self.later is not None and not self._context.task.spec.puts_off:
-            request, self.later = self.later, None
-            if self._context.now_s <= self._until_s:
-                self.handle(request)
-                return
-            why = "it expired before the vehicle flew on"
-            ack = CommandAck(request.request_id, request.by, False, why, Refusal.TOO_LATE)
+    def handle_deferred(self) -> None:
+        """Handle a deferred request, unless the state defers it still."""
+        request = self.deferred
+        if request is not None and not self._context.task.spec.defers:
+            self.deferred = None
+            self.handle(request)
+
+    def expire_deferred(self) -> None:
+        """Refuse a deferred request whose time is over, in any state."""
+        if self._context.now_s > self._until_s:
+            self._refuse_deferred(Refusal.TOO_LATE, "it expired before the vehicle flew on")
+
+    def _refuse_deferred(self, code: Refusal, why: str) -> None:
+        request, self.deferred, self._until_s = self.deferred, None, math.inf
+        if request is not None:
+            ack = CommandAck(request.request_id, request.by, False, why, code)
             self._context.actions.append(ack)
-
-
-def _comes_home(why: str | None) -> RequestRefusedError:
-    """The refusal of requests while the vehicle comes home."""
-    return RequestRefusedError(Refusal.COMING_HOME, f"it comes home: {why}")

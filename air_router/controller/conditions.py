@@ -31,7 +31,7 @@ class ConditionsWatch:
     _context: MissionContext
     waits: bool = False
     _held: bool = False  # the vehicle holds for them
-    _worse_since_s: float | None = None
+    _worse_since_s: float | None = None  # worse than planned since, not yet announced
     _good_since_s: float | None = None  # good again since, after being worse
     _off_since_s: float | None = None  # time of the announcement; inf: the vehicle comes home
 

@@ -173,13 +173,15 @@ class ControlAuthority:
                 self._hold_at_last(context.authority.plan_check)
         elif context.authority.releasing is not None:
             if holds:
-                self._let_go(context.authority.releasing)
+                self._complete_release(context.authority.releasing)
             elif self._holds >= RELEASE_HOLDS:
-                self._let_go(f"{context.authority.releasing}; it did not follow the hold command")
+                self._complete_release(
+                    f"{context.authority.releasing}; it did not follow the hold command"
+                )
             elif context.now_s >= self._hold_again_s:
                 self._hold_at_last(context.authority.releasing)
 
-    def _let_go(self, why: str) -> None:
+    def _complete_release(self, why: str) -> None:
         self._context.authority.released()
         if self._context.knows(Signal.TAKEN_OVER):
             self._context.authority.take(ControlHolder.PILOT)
@@ -318,7 +320,6 @@ class ControlAuthority:
         """
         if not isinstance(event, Telemetry):
             return True
-        self._context.received(event)
         mode_s, before_s = event.ages.mode_s, self._mode_s
         announced = mode_s == 0.0 or (before_s is not None and mode_s < before_s)
         chosen = event.failsafe or event.mode not in self._gate.modes
@@ -427,7 +428,7 @@ class ControlAuthority:
         context.authority.plan_checked()
         held = context.authority.held
         if held is not None:  # no leg may start there, whatever the plan
-            context.authority.goes_on()
+            context.authority.end_stop()
             context.alarm(f"{again}; holding: {held.why}", held.instruction)
             return
         context.inform(f"{again}: {'going on' if context.in_air else 'choose Mission to take off'}")

@@ -118,8 +118,9 @@ class Controller:
     ) -> None:
         mission, explore = setup.mission, setup.explore
         router = router if router is not None else Router(WaypointGraph(mission))
-        plan = self._plan = plan if plan is not None else FlightPlan.of(mission)
-        self._transitions = transitions(explores=explore)
+        plan = plan if plan is not None else FlightPlan.of(mission)
+        self._plan = plan  # knows the nodes of the autopilot's items
+        self._transitions = transitions(explores=explore)  # the next state by signal
         self._left = State.READY  # the state before this one
         self._announced_sought: str | None = None  # the robot in the last `Seeking`
         self._recorded_wait: Interlock | None = None  # the row in the last `MissionWaits`
@@ -134,7 +135,7 @@ class Controller:
         self.search = Search(context, navigator, setup, exploration, policy, ground=ground)
         states = self.states = StateHandlers(context, gate, navigator, self.search)
         # Monitors, in the order in which they run.
-        self._phase = FlightPhase(context, gate)
+        self._phase = FlightPhase(context, gate)  # why the flight has ended, too
         home = HomeWatch(context)
         monitor = SafetyMonitor(context, gate, plan)
         envelope = Envelope(context, gate, home)
@@ -142,9 +143,10 @@ class Controller:
         standstill = Standstill(context)
         lag = LagMonitor(context)
         deviations = Deviations(context, gate, self.returns, lag, envelope)
-        authority = self._authority = ControlAuthority(context, gate, navigator, monitor)
+        authority = ControlAuthority(context, gate, navigator, monitor)
+        self._authority = authority  # releases the vehicle, and ends a silence
         self.airspace_update = AirspaceUpdate(context, gate, navigator, exploration, self.returns)
-        commands = self._commands = CommandHandler(
+        commands = CommandHandler(
             context,
             self.returns,
             authority,
@@ -153,6 +155,7 @@ class Controller:
             self.airspace_update,
             standstill,
         )
+        self._commands = commands  # handles requests; keeps the deferred one
         # Displays must not change the flight, so they use a separate monitor.
         shown = ReturnMonitor(context, states.reachability)
         self._shown_commands = replace(commands, _returns=shown)
@@ -174,6 +177,7 @@ class Controller:
             standstill,
             setup.pilot_arms,
         )
+        self._vehicle = vehicle  # stores telemetry, and responds to it
         # The handler of each event; other events (links between peers, metrics) are only recorded.
         self._reactions: dict[type, Callable[[Any], Wanted | None]] = {
             Telemetry: vehicle.received,
@@ -205,6 +209,9 @@ class Controller:
         """Handle one event at vehicle time `now_s`; return the actions, in order."""
         context = self.context
         context.begin(now_s)
+        self._commands.expire_deferred()
+        if isinstance(event, Telemetry):
+            event = self._vehicle.store(event)
         if context.silent_s > 0.0 and not self._authority.link_restored(event):
             return context.actions
         reaction = self._reactions.get(type(event))
@@ -280,25 +287,25 @@ class Controller:
         if not spec.keeps_target:
             context.task.seek(None)
         if not spec.ours:
-            self._let_go()
+            self._stop_commanding()
         self.navigator.follow(handler.begin())
 
     def _flown_before(self, event: FlownBefore) -> None:
         self.context.task.fly_since(event.airborne_s)
-        self.exploration.go_on(event.visited, event.left_out)
+        self.exploration.restore(event.visited, event.left_out)
 
-    def _let_go(self) -> None:
-        """Stop commanding: hands off, or the end of the flight."""
+    def _stop_commanding(self) -> None:
+        """Hands off, or the end of the flight."""
         context = self.context
         done = context.task.state is State.DONE
-        context.authority.let_go()
+        context.authority.clear_pending()
         context.alarms.end_all()
         if done:
             self.gate.stop()
-        self._commands.now_what_waited()
+        self._commands.handle_deferred()
         if not done:
-            context.authority.goes_on()
-            self.gate.let_go()
+            context.authority.end_stop()
+            self.gate.forget_commands()
             return
         landed_by_us = self._left is State.LAND
         why = self._phase.ending(landed_by_us=landed_by_us)
@@ -377,7 +384,7 @@ class Controller:
             left_s=context.left_s,
             goal=context.task.way.goal,
             legs=context.task.way.ahead,
-            points_left=len(goto.stops) - goto.done if goes_to and goto is not None else 0,
+            points_left=goto.left if goes_to and goto is not None else 0,
             waypoints_left=self.exploration.remaining,
             no_way_home=self.states.reachability.no_way_home,
             interlocks=tuple([row.name for row in raised(context)]),

@@ -1,7 +1,8 @@
 """Responds to deviations from the plan and to missing inputs.
 
 Each deviation is announced when it begins. This table has the responses. There is none while a
-pilot flies, zones are being changed, or the vehicle lands.
+pilot flies, zones are being changed, or the vehicle lands; only for a home that moved up or down
+does it also stop while zones are being changed.
 
 | deviation | begins | response |
 |---|---|---|
@@ -122,38 +123,38 @@ class Deviations:
     def _announce_inputs(self, status: InputStatus, telemetry: Telemetry, *, landing: bool) -> None:
         """Announce inputs that are missing or received again."""
         context = self._context
-        for announcements in status.announcements:
-            if self._is_our_own(announcements):
+        for announcement in status.announcements:
+            if self._is_our_own(announcement):
                 continue
-            then = announcements.then
+            then = announcement.then
             if then and landing:
-                then = "landing on"
+                then = "the landing continues"
             elif then and context.task.state is State.READY:
-                then = "the climb goes on"  # PX4 ends it above home on its own
-            text = f"{announcements.what}: {then}" if then else announcements.what
-            if announcements.alarms and announcements.instruction is not None and not landing:
+                then = "the climb continues"  # PX4 ends it above home on its own
+            text = f"{announcement.what}: {then}" if then else announcement.what
+            if announcement.alarms and announcement.instruction is not None and not landing:
                 context.alarm_until_over(
-                    announcements.about,
+                    announcement.about,
                     text,
-                    announcements.instruction,
-                    lasting=announcements.about,
-                    since_s=telemetry.received_s - announcements.age_s,
+                    announcement.instruction,
+                    lasting=announcement.about,
+                    since_s=telemetry.received_s - announcement.age_s,
                 )
             else:
-                context.announce(text, announcements.instruction)
+                context.announce(text, announcement.instruction)
         for about in set(context.alarms.shown) & INPUT_ALARMS - set(context.inputs.stopped):
             context.over(about)
 
-    def _is_our_own(self, announcements: InputAnnouncement) -> bool:
+    def _is_our_own(self, announcement: InputAnnouncement) -> bool:
         """Whether a missing input may only wait in this program's sockets after a stall."""
-        if announcements.instruction is None:
-            announced = announcements.about not in self._suppressed
-            self._suppressed.discard(announcements.about)
+        if announcement.instruction is None:
+            announced = announcement.about not in self._suppressed
+            self._suppressed.discard(announcement.about)
             return not announced
-        if self._lag.recent and not announcements.alarms:
-            self._suppressed.add(announcements.about)
+        if self._lag.recent and not announcement.alarms:
+            self._suppressed.add(announcement.about)
             return True
-        self._suppressed.discard(announcements.about)
+        self._suppressed.discard(announcement.about)
         return False
 
     def forget(self) -> None:

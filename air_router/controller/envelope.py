@@ -155,7 +155,7 @@ class ClearanceWatch:
         """The deviation when the vehicle comes too near to a zone or fence, or nearer still."""
         here = telemetry.position
         mission, altitude_m = self._context.airspace.mission, telemetry.altitude_m
-        cruises = mission.cruise.lower_m <= altitude_m <= mission.cruise.upper_m
+        cruises = mission.cruises_at(altitude_m)
         if self._clearance_left is not None:
             clear_m, there, cruised, checked_mission = self._clearance_left
             if checked_mission is not mission:
@@ -288,7 +288,7 @@ class Envelope:
         rough = conditions.waits or poor or telemetry.wind_m_s is not None
         found = (
             self._height.update(telemetry),
-            self._home.anomaly(telemetry) if in_doubt else None,
+            self._home.deviation(telemetry) if in_doubt else None,
             self._clearance.update(telemetry),
             self._speed.update(telemetry),
             conditions.update(telemetry) if rough else None,
@@ -352,7 +352,7 @@ class ReturnMonitor:
         need_home = None
         if context.pace.endurance_s is not None:
             need_home = self._way_home.need(telemetry, context.airspace.router)
-        if charge is not None and charge <= mission.battery_reserve:
+        if mission.at_reserve(charge):
             return Due(f"battery at {charge:.0%}", BE_READY_AT_HOME)
         if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:
             return Due(

@@ -146,7 +146,7 @@ class FlightPhase:
             return False
         self._was_armed = False
         self._context.authority.begin_anew()
-        self._gate.let_go()
+        self._gate.forget_commands()
         return True
 
     def ending(self, *, landed_by_us: bool) -> str:
@@ -207,7 +207,7 @@ class HomeWatch:
     receiver_off_m: float = 0.0
     in_doubt: bool = False
     _first: list[float] = field(default_factory=list)  # differences in the first seconds
-    _first_at_s: float = math.inf
+    _first_at_s: float = math.inf  # time of the first of them, vehicle's clock
     _receiver_at_s: float = 0.0  # time of the previous telemetry
     _receiver_announced_m: float = 0.0  # the largest limit announced
     _announced: HomeMove | None = None  # the last announced move of home
@@ -271,7 +271,7 @@ class HomeWatch:
             return Response.ANNOUNCE
         return Response.HOLD
 
-    def anomaly(self, telemetry: Telemetry) -> Deviation | None:
+    def deviation(self, telemetry: Telemetry) -> Deviation | None:
         """The deviation if the receiver's altitude has drifted past a further limit."""
         if abs(self.receiver_off_m) >= ALTITUDE_DISAGREES_HOME_M:
             self.in_doubt = True

@@ -111,8 +111,7 @@ def _in_zone(context: MissionContext, telemetry: Telemetry) -> str | None:
 
 def _at_reserve(context: MissionContext, telemetry: Telemetry) -> str | None:
     charge = telemetry.battery
-    low = charge is not None and charge <= context.airspace.mission.battery_reserve
-    return f"{charge:.0%}" if low else None
+    return f"{charge:.0%}" if context.airspace.mission.at_reserve(charge) else None
 
 
 def _waits_for_plan(context: MissionContext, telemetry: Telemetry) -> str | None:

@@ -110,11 +110,18 @@ class TelemetryHandler:
     _pilot_arms: bool
     _battery: BatteryWatch = field(default_factory=BatteryWatch)
 
-    def received(self, telemetry: Telemetry) -> None:
-        """Handle the first of `FINDINGS` that is true."""
-        context = self._context
+    def store(self, telemetry: Telemetry) -> Telemetry:
+        """Store telemetry with the filtered charge in the context, and return it.
+
+        Called with all telemetry, also with what is received first after a silence.
+        """
         telemetry = self._with_believed_charge(telemetry)
-        context.received(telemetry)
+        self._context.received(telemetry)
+        return telemetry
+
+    def received(self, telemetry: Telemetry) -> None:
+        """Handle the first of `FINDINGS` that is true for stored telemetry."""
+        context = self._context
         self._phase.note(telemetry)
         self._lag.note(telemetry)
         self._home.note(telemetry)
@@ -308,9 +315,9 @@ class TelemetryHandler:
         if context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
             return True  # a hold might override a pilot's command that is not confirmed yet
         if context.airspace.change is not None:
-            self._airspace_update.go_on(situation.telemetry)
+            self._airspace_update.continue_change(situation.telemetry)
             return True
-        if climb.climb is not None and climb.go_on(situation.telemetry, self._gate.last):
+        if climb.climb is not None and climb.continues(situation.telemetry, self._gate.last):
             if climb.climb is None:
                 self._navigator.follow(context.task.handler.replan())
             elif climb.stuck(situation.telemetry):
@@ -325,10 +332,10 @@ class TelemetryHandler:
         self._gate.mission_goes_on()
         ends_s = self._context.task.ends_s
         over = ends_s is not None and self._context.now_s >= ends_s
-        if over or self._commands.later is not None:
+        if over or self._commands.deferred is not None:
             if self._context.left_s == 0.0:
                 self._context.signal(Signal.TIMER)
-            self._commands.now_what_waited()
+            self._commands.handle_deferred()
         return False
 
     def fly_on(self, situation: Situation) -> bool:

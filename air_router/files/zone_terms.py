@@ -75,7 +75,7 @@ class Altitudes:
         file defines the altitudes for a place that is higher or lower than home.
 
         Raises:
-            HomeAltitudeError: as `Limit.range_above_home`.
+            HomeAltitudeError: as `AltitudeLimit.range_above_home`.
             ZoneError: the upper limit lies below the lower one, both from the same reference.
         """
         lower, upper = self.lower, self.upper
@@ -89,7 +89,7 @@ class Altitudes:
         """Whether limits that count from different references exclude each other at home.
 
         Raises:
-            HomeAltitudeError: as `Limit.range_above_home`.
+            HomeAltitudeError: as `AltitudeLimit.range_above_home`.
         """
         if self.lower is None or self.upper is None:
             return False
@@ -121,6 +121,7 @@ class ZoneTerms:
 
 
 NO_TERMS: Final = ZoneTerms()
+"""Kept away from as far as from all zones, at every altitude, always."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,9 +146,6 @@ class Area:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", sanitize(self.name))
-
-
-"""Kept away from as far as from all zones, at every altitude, always."""
 
 
 # The form in files

@@ -322,6 +322,14 @@ class Mission(MissionAreas):
             **{name: _frozen(getattr(form, name)) for name in _UNCHANGED},
         )
 
+    def cruises_at(self, altitude_m: float) -> bool:
+        """Whether an altitude above home lies in the cruise band."""
+        return self.cruise.lower_m <= altitude_m <= self.cruise.upper_m
+
+    def at_reserve(self, charge: float | None) -> bool:
+        """Whether a charge, 0 to 1, is known and brings the vehicle home anywhere."""
+        return charge is not None and charge <= self.battery_reserve
+
     def airspace_at(self, altitude_m: float) -> Airspace:
         """The airspace that applies at an altitude above home, with the clearance.
 

@@ -109,7 +109,7 @@ class Begins(Enum):
     """How the first leg may begin."""
 
     AS_ROUTES = "clear along its whole length, including the area that the turn may sweep"
-    BY_LEEWAY = "nearer to zones than usual for the first meters, then clear"
+    BY_LEEWAY = "nearer to the zone for the first meters, then clear"
     BRAKING = "not yet: the vehicle brakes first"
 
 
@@ -121,7 +121,7 @@ class Rule(NamedTuple):
         first: Airspace for the first meters.
         reach_m: Length of the first meters.
         whole: Airspace for the whole leg in addition; None: no further rule.
-        warning: Warning to the operator about the vehicle's position; empty: no warning.
+        warning: Warning about the start, printed by `air-router plan`; empty: no warning.
     """
 
     begins: Begins
@@ -275,7 +275,7 @@ class Departure:
         return f"the vehicle is {where}: it takes the shortest way out"
 
     def first_within_near(self) -> Airspace:
-        """No minimum to its own zone; to others the smaller of that here and that at its stop."""
+        """No minimum to its own zone; to others the distance now, or at its stop if smaller."""
         shortfall_m = LEG_ROUNDING_M - min(self._others_clearance_left_m)
         others = self._airspace.without_zones_at(self.start)
         return self._others.relaxed(shortfall_m, self._nearest_m(others) - LEG_ROUNDING_M)

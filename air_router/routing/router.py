@@ -40,7 +40,8 @@ class Leg:
 class Route:
     """Legs from the start to the goal, and their length.
 
-    `warnings` concern the vehicle's current position, which the route leaves first.
+    `warnings` concern the start, which the route leaves first. `air-router plan` prints them; in
+    flight the controller itself monitors the clearance and warns.
     """
 
     legs: tuple[Leg, ...]

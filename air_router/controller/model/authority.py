@@ -76,7 +76,7 @@ class Authority:
         """The release is complete: the vehicle holds, or did not follow."""
         self.releasing = None
 
-    def let_go(self) -> None:
+    def clear_pending(self) -> None:
         """Another commands the vehicle, or the flight is over: nothing is pending anymore."""
         self.releasing = self.plan_check = self.held = None
 
@@ -104,6 +104,6 @@ class Authority:
         """The vehicle is stopped at take-off."""
         self.stopped_why = why
 
-    def goes_on(self) -> None:
+    def end_stop(self) -> None:
         """The reason for the stop is over."""
         self.stopped_why = None

@@ -78,7 +78,7 @@ class MissionContext:
         self.now_s = max(self.now_s, now_s)
 
     def received(self, telemetry: Telemetry) -> None:
-        """Store telemetry from the vehicle."""
+        """Store telemetry from the vehicle; its charge is filtered."""
         self.telemetry = telemetry
 
     def silent_for(self, silent_s: float) -> None:

@@ -86,7 +86,7 @@ class StateSpec:
         seeks: The vehicle flies to that robot or hovers over it.
         explores: The vehicle flies the waypoints in order.
         cruises: The vehicle flies at the mission's altitude, so deviations from it are monitored.
-        puts_off: Points received by gossip wait for the end of the state instead of being refused.
+        defers: Points received by gossip wait for the end of the state instead of being refused.
         ours: This program commands the vehicle.
     """
 
@@ -99,5 +99,5 @@ class StateSpec:
     seeks: bool = False
     explores: bool = False
     cruises: bool = False
-    puts_off: bool = False
+    defers: bool = False
     ours: bool = True

@@ -196,7 +196,7 @@ class ActiveRoute:
         self.legs.clear()
         self.stop()
 
-    def go_on(self) -> None:
+    def cancel_stop(self) -> None:
         """The stop is not needed anymore."""
         self.braking = False
 

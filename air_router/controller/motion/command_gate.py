@@ -74,7 +74,8 @@ class CommandGate:
         by_points: Nodes are flown to by DO_REPOSITION, because the vehicle does not fly its
             plan.
         blocked: The last blocking interlock, until a motion is sent or the state changes.
-        waits_why: The last announced reason to hover without a clear way.
+        waits_why: The last announced reason to hover without a clear way; None: a motion was
+            commanded since.
         climb: The climb that a vehicle below its altitude flies before a leg.
     """
 
@@ -132,12 +133,13 @@ class CommandGate:
             context.task.way.brake()
             self.send(HoldHere("an earlier command may still be under way; stopping to plan again"))
             return MotionOutcome.INSTEAD
-        if not context.interlocks.climb_required:
-            return self.send(motion)
-        allowed = self.climb.first(motion, self.last, self.reaction_s)
-        if isinstance(allowed, NoClimb):
-            return self.wait_here(allowed.why, CLIMB_BY_HAND)
-        return self.send(allowed)
+        if context.interlocks.climb_required:
+            allowed = self.climb.first(motion, self.last, self.reaction_s)
+            if isinstance(allowed, NoClimb):
+                return self.wait_here(allowed.why, CLIMB_BY_HAND)
+            motion = allowed
+        self.waits_why = None  # there is a way: the next reason to wait is announced
+        return self.send(motion)
 
     def _block(self, motion: Motion, rows: Sequence[Interlock]) -> Blocked:
         """Block the motion. The first row decides what follows; any row may defer the motion."""
@@ -158,13 +160,11 @@ class CommandGate:
         """Nothing blocks the mission: the next blocking row starts its own time."""
         self.blocked = None
 
-    def way_found(self) -> None:
-        """There is a way: announce the next reason to wait."""
-        self.waits_why = None
-
     def fly_points(self, *, instead: bool) -> None:
         """Fly to nodes by DO_REPOSITION from now on, or as items of the plan again."""
         self.by_points = instead
+        if not instead:
+            self.refused_jumps = 0  # they concern the plan that was on board before
 
     def reacts_within(self, reaction_s: float) -> None:
         """Set the longest delay before the vehicle follows a command, on its clock."""
@@ -296,7 +296,7 @@ class CommandGate:
             self._context.warn("the plan on board is not flown: flying to points instead", READ_PX4)
         self._context.retry_in(RETRY_S if event.sent else RETRY_S / 2)
 
-    def let_go(self) -> None:
+    def forget_commands(self) -> None:
         """Hands off: forget everything commanded."""
         self.stop()
         self.blocked = None

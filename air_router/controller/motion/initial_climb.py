@@ -88,13 +88,13 @@ class InitialClimb:
         if not low(mission, telemetry):
             self._context.interlocks.climbed()
             return motion
-        goes_on = self.climb is not None and last == self.climb
+        continued = self.climb is not None and last == self.climb
         # Only the goal of the way is kept: if the climb ends early, a new way is planned.
         self._context.task.head_for(self._context.task.way.goal)
         why_not = self.why_not(telemetry)
         if why_not is not None:
             return NoClimb(why_not)
-        if not goes_on:  # not the same climb continued
+        if not continued:
             self._context.inform(
                 f"climbing from {telemetry.altitude_m:.0f} to "
                 f"{mission.altitude_above_home_m:.0f} m first"
@@ -104,7 +104,7 @@ class InitialClimb:
         self.climb = FlyToPoint(place, mission.altitude_above_home_m)
         return self.climb
 
-    def go_on(self, telemetry: Telemetry, last: Motion | None) -> bool:
+    def continues(self, telemetry: Telemetry, last: Motion | None) -> bool:
         """Whether the vehicle climbs, so that everything else waits; `last` is the last command."""
         if self.climb is None:
             return False

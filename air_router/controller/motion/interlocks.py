@@ -84,7 +84,8 @@ INTERLOCKS: Final = (
         while_up="holds; sends nothing while the flight mode is not received",
         clears="all inputs have been received for 3 s",
         then="it plans again",
-        otherwise="no fix or flight mode: it keeps waiting; other inputs: home after 30 s",
+        otherwise="without a fix, position or flight mode it keeps waiting; without the GPS status "
+        "alone: home after 30 s",
         why="the rows below cannot be evaluated without the inputs",
         scene="LOST_FIX",
         detail=_missing,

@@ -129,11 +129,9 @@ class Navigator:
         if isinstance(motion, HoldHere) and context.interlocks.is_raised(Anomaly.FOREIGN_ORDER):
             # A hold would override a pilot's command; replanned if there is none.
             context.interlocks.defer_motion()
-            context.task.way.go_on()
+            context.task.way.cancel_stop()
         elif motion is not None:
             self._gate.command(motion)
-            if not isinstance(motion, HoldHere):
-                self._gate.way_found()
         progress = self._context.task.way.progress
         if progress is Progress.ARRIVED:
             self.follow(self._context.task.handler.arrived())
@@ -454,8 +452,7 @@ class Navigator:
         On the way out of a zone the route is planned among these zones only.
         """
         context, altitude_m = self._context, telemetry.altitude_m
-        cruise = context.airspace.mission.cruise
-        cruises = cruise.lower_m <= altitude_m <= cruise.upper_m
+        cruises = context.airspace.mission.cruises_at(altitude_m)
         if cruises or context.airspace.flown_router is context.airspace.way_out_router:
             return None
         here, momentum = telemetry.position, self._gate.momentum(telemetry, age_s)

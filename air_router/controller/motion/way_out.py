@@ -28,7 +28,7 @@ class WayOut(NamedTuple):
 
 def off_cruise(mission: Mission, telemetry: Telemetry) -> bool:
     """Whether the vehicle is below or above the cruise altitudes."""
-    return not mission.cruise.lower_m <= telemetry.altitude_m <= mission.cruise.upper_m
+    return not mission.cruises_at(telemetry.altitude_m)
 
 
 def nearest_way_out(router: Router, mission: Mission, telemetry: Telemetry) -> WayOut | None:

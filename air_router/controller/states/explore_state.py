@@ -103,7 +103,7 @@ class Exploration:
         self._next = index + 1
         return number
 
-    def go_on(self, visited: int, left_out: Collection[int]) -> None:
+    def restore(self, visited: int, left_out: Collection[int]) -> None:
         """Resume after another companion that visited this many and left these out."""
         self._next = visited
         self.left_out = list(left_out)

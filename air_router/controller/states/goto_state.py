@@ -47,16 +47,24 @@ class GotoTask:
     done: int = 0
 
     @property
+    def left(self) -> int:
+        """Number of points not reached yet."""
+        return len(self.stops) - self.done
+
+    @property
+    def number(self) -> int:
+        """Number of the point flown to, from 1; once all are done, of the last."""
+        return min(self.done + 1, len(self.stops))
+
+    @property
     def goal(self) -> Goal:
-        """The next stop."""
-        return Goal(self.stops[self.done])
+        """Where the vehicle hovers for that point."""
+        return Goal(self.stops[self.number - 1])
 
     def next(self) -> bool:
-        """Mark the stop as done; return whether there is another."""
-        if self.done + 1 >= len(self.stops):
-            return False
-        self.done += 1
-        return True
+        """Mark the point as done; return whether there is another."""
+        self.done = self.number
+        return self.left > 0
 
 
 class Accepted(NamedTuple):
@@ -190,7 +198,7 @@ class GotoState(StateHandler):
     def begin(self) -> Wanted:
         """Fly to the next point."""
         self._there_since_s = None
-        return Rest("no point was requested") if self.goto_task is None else self.goto_task.goal
+        return self._task.goal
 
     def arrived(self) -> Wanted:
         """Fly to the next point once the vehicle hovers here; start the timer at the last."""
@@ -198,7 +206,7 @@ class GotoState(StateHandler):
             return Rest("it hovers at the last point")
         if not self._settled:
             return Rest("it settles")
-        if self._next():
+        if self._task.next():
             return self.begin()
         self._context.start_timer()
         self._context.inform("at the last point")
@@ -206,9 +214,8 @@ class GotoState(StateHandler):
 
     def no_route(self, refusal: str) -> Wanted:
         """Leave this point out and fly to the next."""
-        if self.goto_task is not None:
-            self._context.inform(f"point {self.goto_task.done + 1} left out: {refusal}")
-        return self.begin() if self._next() else Signal.NO_WAY
+        self._context.inform(f"point {self._task.number} left out: {refusal}")
+        return self.begin() if self._task.next() else Signal.NO_WAY
 
     def retry(self) -> Wanted:
         """Fly to the same point."""
@@ -216,9 +223,11 @@ class GotoState(StateHandler):
 
     replan = begin
 
-    def _next(self) -> bool:
-        """Advance to the next point; return whether there is one."""
-        return self.goto_task is not None and self.goto_task.next()
+    @property
+    def _task(self) -> GotoTask:
+        """The requested points."""
+        assert self.goto_task is not None  # noqa: S101 - `set_out` sets it before the state begins
+        return self.goto_task
 
     @property
     def _settled(self) -> bool:

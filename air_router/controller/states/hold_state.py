@@ -73,7 +73,7 @@ class HoldState(StateHandler):
         context.inform(f"holding, requested by {by}")
         context.signal(Signal.HOLD)
 
-    def go_on(self, by: str) -> str:
+    def resume(self, by: str) -> str:
         """Resume what was held, as `by` requested; return what the vehicle does, as text."""
         held, context = self._held, self._context
         assert held is not None  # noqa: S101 - what HOLD is entered with

@@ -15,7 +15,7 @@ from air_router.controller.model import (
     Signal,
     StateHandler,
 )
-from air_router.controller.motion import ALTITUDE_M, ClimbWatch, CommandGate
+from air_router.controller.motion import ClimbWatch, CommandGate, below
 from air_router.controller.states.limits import HOME_TOLERANCE_M
 from air_router.vehicle import (
     BE_READY_AT_HOME,
@@ -57,8 +57,7 @@ def take_off(context: MissionContext, telemetry: Telemetry) -> TakeOff:
     mission = context.airspace.mission
     if telemetry.altitude_m > context.layer_top_m:
         return TakeOff.TOO_HIGH
-    altitude_m = mission.altitude_above_home_m
-    if telemetry.altitude_m >= altitude_m - min(ALTITUDE_M, altitude_m / 2):
+    if not below(mission.altitude_above_home_m, telemetry):
         return TakeOff.COMPLETE
     away_m = math.dist(telemetry.position, mission.home)
     return TakeOff.MISPLACED if away_m > HOME_TOLERANCE_M else TakeOff.TO_COME
@@ -100,7 +99,7 @@ class ReadyState(StateHandler):
     def disarmed(self) -> None:
         """The vehicle was armed and disarmed on the ground; the pilot may start again."""
         self._rise = ClimbWatch()
-        self._context.inform("disarmed before take-off: waiting on")
+        self._context.inform("disarmed before take-off: still waiting for the pilot to arm")
 
     def watch(self, telemetry: Telemetry) -> None:
         """Start the mission at its altitude; hold after a take-off that it cannot continue."""

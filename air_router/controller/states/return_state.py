@@ -139,13 +139,11 @@ class ReturnState(StateHandler):
     def begin(self) -> Wanted:
         """Announce the reason and fly home along the graph."""
         ending = self._context.task.ending
-        text = f"coming home: {ending.why if ending else None}"
+        assert ending is not None  # noqa: S101 - `come_home` sets it before the state begins
+        text = f"coming home: {ending.why}"
         if self._context.inputs.stopped:
             text = f"{text}; it holds until that is known again"
-        if ending is None or ending.instruction is None:
-            self._context.inform(text)
-        else:
-            self._context.warn(text, ending.instruction)
+        self._context.announce(text, ending.instruction)
         return self.retry()
 
     def arrived(self) -> Wanted:

@@ -91,8 +91,9 @@ class Search:
         self.exploration = exploration
         self.to_explore = exploration if setup.explore else None
         timers = context.airspace.mission.timers
-        self._visit_s = timers.search_s + timers.communicate_s
-        self._explore_s, self._revisit_s = timers.explore_s, timers.revisit_s
+        self._visit_s = timers.search_s + timers.communicate_s  # longest stay at a robot
+        self._explore_s = timers.explore_s  # between two searches
+        self._revisit_s = timers.revisit_s  # after an exchange, once all is explored
 
     def search_points(self, now_s: float) -> Iterator[SearchPoint]:
         """The robots that are due, in the order of the policy."""

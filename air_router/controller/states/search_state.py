@@ -294,7 +294,8 @@ class SearchState(StateHandler):
 class CommState(StateHandler):
     """Stays over the found robot until both directions have synced.
 
-    Only a sync that began after the robot was found counts: only it includes all data of both.
+    Only a sync that began after the robot was found, and that no byte budget cut short, counts:
+    only it includes all data of both.
 
     Args:
         context: Knows the robot that was found.
@@ -331,7 +332,8 @@ class CommState(StateHandler):
         """Note that a sync ended; signal when both directions are complete."""
         if event.peer == self._context.task.robot and event.direction in self._began:
             self._began.discard(event.direction)
-            self._synced.add(event.direction)
+            if event.complete:
+                self._synced.add(event.direction)
         wanted = self._search_state.radio_received(event)
         if self._context.task.state is State.COMM and len(self._synced) == len(Direction):
             return Signal.SYNCED

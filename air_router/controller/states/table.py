@@ -49,7 +49,7 @@ _REQUESTED: Final = {
 }
 # fmt: off
 STATES: Final[Mapping[State, StateSpec]] = MappingProxyType({
-    State.READY: StateSpec(ReadyState, requests=CommandPolicy.NOT_YET, puts_off=True,
+    State.READY: StateSpec(ReadyState, requests=CommandPolicy.NOT_YET, defers=True,
         on={Signal.AIRBORNE: State.INIT, **_ENDS}),
     State.INIT: StateSpec(ExploreState, timer="init_s", explores=True, cruises=True,
         on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_REQUESTED}),
@@ -66,7 +66,7 @@ STATES: Final[Mapping[State, StateSpec]] = MappingProxyType({
         on={Signal.ROBOT_DUE: State.SEARCH, **_ENDS, **_REQUESTED}),
     State.GOTO: StateSpec(GotoState, timer="hold_s", timer_from=TimerStart.ARRIVAL, cruises=True,
         on={Signal.TIMER: State.EXPL, Signal.NO_WAY: State.EXPL, **_ENDS, **_REQUESTED}),
-    State.HOLD: StateSpec(HoldState, puts_off=True, cruises=True,
+    State.HOLD: StateSpec(HoldState, defers=True, cruises=True,
         on={Signal.RESUMED: State.EXPL, Signal.LAND_HERE: State.LAND, **_ENDS,
             Signal.SEEK: State.SEARCH, Signal.EXPLORE: State.EXPL, Signal.GOTO: State.GOTO}),
     State.HOME: StateSpec(ReturnState, requests=CommandPolicy.CALL_OFF, cruises=True,

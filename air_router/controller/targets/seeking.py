@@ -143,16 +143,16 @@ class Freshest:
         """As `Policy.order`; equal robots in turn."""
         groups = [
             sorted(
-                (self._prospect(name, targets, context) for name in group),
-                key=lambda prospect: -prospect.benefit,
+                (self._candidate(name, targets, context) for name in group),
+                key=lambda candidate: -candidate.benefit,
             )
             for group in targets.groups(context.now_s)
         ]
-        prospects = [prospect for group in groups for prospect in group]
-        oldest_s = max((prospect.age_s for prospect in prospects), default=0.0)
+        candidates = [candidate for group in groups for candidate in group]
+        oldest_s = max((candidate.age_s for candidate in candidates), default=0.0)
         return tuple(
-            with_reason(prospect.place, prospect.age_s, prospect.flight_s, oldest_s)
-            for prospect in prospects
+            with_reason(candidate.place, candidate.age_s, candidate.flight_s, oldest_s)
+            for candidate in candidates
         )
 
     def place(self, robot: str, targets: TargetList, context: SeekContext) -> SearchPlace:
@@ -173,7 +173,7 @@ class Freshest:
         """The weight of a robot's age."""
         return self._values.get(robot, 1.0)
 
-    def _prospect(self, robot: str, targets: TargetList, context: SeekContext) -> _Candidate:
+    def _candidate(self, robot: str, targets: TargetList, context: SeekContext) -> _Candidate:
         known = targets.tracks[robot]
         place, flight_s = self._meeting(robot, targets, context)
         arrival_s = context.now_s + flight_s

@@ -210,10 +210,10 @@ class TargetTrack:
             usual_m_s: Assumed speed if its own is unknown.
         """
         speed_m_s = self.speed_m_s or usual_m_s
-        stamps_s, radio = self._published_path(speed_m_s), self.radio
-        if radio is not None and (stamps_s is None or radio.stamp_s > stamps_s.end_s):
+        published, radio = self._published_path(speed_m_s), self.radio
+        if radio is not None and (published is None or radio.stamp_s > published.end_s):
             return PredictedPath((radio.position,), radio.stamp_s, speed_m_s)
-        return stamps_s
+        return published
 
     def _published_path(self, speed_m_s: float) -> PredictedPath | None:
         """The prediction along its published path.

@@ -206,18 +206,24 @@ def _features(text: str, source: PlacedSource) -> Iterator[ZoneFeature]:
 
 
 def old_fence_items(text: str) -> list[FenceItem]:
-    """The corners of an old fence; its first place, where a vehicle returned to, is none."""
+    """The return point of an old fence, which is its first place, and its corners."""
     places = []
     for number, line in enumerate(text.splitlines(), start=1):
         parts = line.partition("#")[0].split()
         pair = [_number(part) for part in parts]
         if len(pair) == 2 and pair[0] is not None and pair[1] is not None:
             places.append((pair[0], pair[1], number))
-    corners = places[1:]
+    point, corners = places[:1], places[1:]
     if len(corners) > 1 and corners[0][:2] == corners[-1][:2]:
         corners.pop()
-    inclusion, count = FenceCommand.POLYGON_INCLUSION, float(len(corners))
-    return [FenceItem(inclusion, count, lat, lon, (number, 1)) for lat, lon, number in corners]
+    return [
+        FenceItem(command, float(len(of)), latitude_deg, longitude_deg, (number, 1))
+        for command, of in (
+            (FenceCommand.RETURN_POINT, point),
+            (FenceCommand.POLYGON_INCLUSION, corners),
+        )
+        for latitude_deg, longitude_deg, number in of
+    ]
 
 
 def _feature(source: PlacedSource, area: FenceArea, number: int) -> ZoneFeature:

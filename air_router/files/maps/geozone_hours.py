@@ -7,8 +7,8 @@ from typing import Any
 from air_router.files import Keys
 from geo.validity import DAY_NUMBERS, DAYS, Hours, Period, Validity, moment_of
 
-Anomaly = Callable[[Keys, ValueError], None]
-"""Takes which entry is not clear, and why."""
+ReportDoubt = Callable[[Keys, ValueError], None]
+"""Reports an entry that is not clear, and why."""
 
 _DAY_MIN = 24 * 60
 _ALL_DAYS = frozenset(range(len(DAYS)))
@@ -18,7 +18,7 @@ _DAY_NAMES: dict[str, frozenset[int]] = {
 }
 
 
-def validity_of(periods: Any, doubt: Anomaly) -> Validity | None:
+def validity_of(periods: Any, doubt: ReportDoubt) -> Validity | None:
     """When a zone with this list of periods applies; None: always."""
     if not isinstance(periods, list) or not periods:
         return None
@@ -26,7 +26,7 @@ def validity_of(periods: Any, doubt: Anomaly) -> Validity | None:
     return None if Period() in found else Validity(tuple(found))
 
 
-def _period(entry: Any, keys: Keys, doubt: Anomaly) -> Period:
+def _period(entry: Any, keys: Keys, doubt: ReportDoubt) -> Period:
     if not isinstance(entry, dict):
         return Period()
     daily: list[Hours] = []

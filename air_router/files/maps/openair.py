@@ -33,7 +33,7 @@ _NUMBER = re.compile(r"\d{1,6}(?:\.\d{0,60})?")
 _COMMAND = re.compile(r"\s*([A-Za-z]{1,2})!?(?:\s+(\S.*))?")
 _COMMENT = re.compile(r"[*;].*")
 _NAME = re.compile(r"\s*AN\s", re.IGNORECASE)
-_SAID: Final = frozenset({"AN", "AY", "AL", "AH"})
+_ATTRIBUTES: Final = frozenset({"AN", "AY", "AL", "AH"})
 _TERRAIN: Final = frozenset({"TO", "TC"})
 _HOURS: Final = frozenset({"AA", "AP", "AW", "TW"})
 """When an airspace applies, in several dialects."""
@@ -124,8 +124,8 @@ class _Reader:
         elif command in _TERRAIN:
             self._terrain = True
             self._feature.note(at, "terrain is no airspace: left out", "not-a-zone")
-        elif command in _SAID and zone is not None:
-            zone.say(command, value, at)
+        elif command in _ATTRIBUTES and zone is not None:
+            zone.set(command, value, at)
         elif command in _HOURS and zone is not None and value.upper() != "NONE":
             zone.hours = zone.hours or at
         elif command[0] in "DV":
@@ -290,7 +290,7 @@ class _Airspace:
         self.clockwise = True  # direction of the next arc
         self.broken = False  # a line of it could not be read
 
-    def say(self, command: str, value: str, at: Place) -> None:
+    def set(self, command: str, value: str, at: Place) -> None:
         if self.values.get(command, (value, at))[0] != value:
             self.contradicted.add(command)
         self.values[command] = (value, at)

@@ -147,18 +147,19 @@ def read_waypoints(text: str, path: Path) -> tuple[MissionForm, Findings]:
 
 
 def read_old_fence(text: str, path: Path) -> tuple[MissionForm, Findings]:
-    """A mission with the fence of an old `.fen` file, and with its first place as home."""
+    """A mission with the fence of an old `.fen` file, and with its return point as home."""
     findings, form = Findings(PlacedSource(path)), FormBuilder({"name": path.stem})
     items = old_fence_items(text)
-    if not items:
+    if len(items) < 2:
         findings.report((), "no corners in it; draw the fence again", "zone-too-few-corners")
         return form.form(path), findings
-    home = (items[0].latitude_deg, items[0].longitude_deg)
-    if Placer.around("the fence", home, items[0].keys, findings):
-        form.set_home(home, items[0].keys)
-        message = "a fence has no home: its first corner is taken; move it"
-        findings.note(items[0].keys, message, "home-assumed")
-        _add_fences(findings, form, items)
+    point, *corners = items
+    home = (point.latitude_deg, point.longitude_deg)
+    if Placer.around("the fence", home, point.keys, findings):
+        form.set_home(home, point.keys)
+        message = "a fence has no home: its return point is taken; move it"
+        findings.note(point.keys, message, "home-assumed")
+        _add_fences(findings, form, corners)
     return form.form(path), findings
 
 

@@ -77,7 +77,7 @@ class Orienteering(Freshest):
         return tuple(sorted(ranked, key=lambda place: place.robot != first.robot))
 
     def _stop(self, robot: str, targets: TargetList, context: SeekContext) -> _Stop:
-        found = self._prospect(robot, targets, context)
+        found = self._candidate(robot, targets, context)
         course = targets.course(robot)
         over_s = context.began_s if course is None else course.end_s
         doubt_s = max(context.now_s + found.flight_s - over_s, 0.0)

@@ -284,6 +284,20 @@ def test_no_waypoint_file_crashes_its_reader(rows):
     assert all(problem.line <= len(rows) + 1 for problem in problems)
 
 
+def test_an_old_fence_becomes_a_plan_whose_home_is_its_return_point(tmp_path, capsys):
+    corners = ((47.001, 8.001), (47.001, 7.999), (46.999, 7.999), (46.999, 8.001))
+    source, target = tmp_path / "yard.fen", tmp_path / "yard.plan"
+    places = ((47.0, 8.0), *corners, corners[0])
+    source.write_text("#saved by hand\n" + "".join(f"{lat} {lon}\n" for lat, lon in places))
+    assert convert(source, target, "--json") == ExitCode.DONE
+    note = report(capsys)["notes"][0]
+    assert (note["code"], note["line"]) == ("home-assumed", 2)
+    plan = json.loads(target.read_text())
+    assert plan["mission"]["plannedHomePosition"][:2] == pytest.approx([47.0, 8.0])
+    (fence,) = plan["geoFence"]["polygons"]
+    assert len(fence["polygon"]) == len(corners)
+
+
 def test_a_walk_becomes_a_mission(tmp_path, capsys):
     target, source = tmp_path / "walk.yaml", FILES / "walk.gpx"
     arguments = (source, target, "--altitude", "30", "--zones", source, "--json")

@@ -671,6 +671,51 @@ def test_a_fence_that_did_not_get_on_board_while_a_pilot_flew_is_tried_again(pre
     flight.lands(600.0)
 
 
+def test_a_zone_that_did_not_get_on_board_is_left_while_the_plan_is_compared(pretend):
+    """Until the fence is on board, a zone that the stop may have ended in is no breach."""
+    flight = on_a_long_leg(pretend)
+    zone = box(ahead(flight, 28.0), half_m=6.0)
+    change(flight, zone)
+    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
+    flight.give(PlanReplaced(flight.now_s, only_fence=True))
+    flight.give(PlanRenewed("another ground station has changed what is on board"))
+    flight.position = Point(*zone.polygon.representative_point().coords[0])  # a gust
+    flight.give(PlanCompared(flight.now_s, None))
+    flight.fly_until(lambda: boarding(flight) == 2, 60.0)
+    assert State.PASSIVE not in flight.states
+    assert clear_of(flight, zone, -1) > 4.0
+
+
+def test_a_zone_that_did_not_get_on_board_is_left_if_the_next_change_stops_it_inside(pretend):
+    flight = cruising(pretend, duration_s=2000.0)
+    missing = box(ahead(flight, 40.0))
+    change(flight, missing)
+    goes_on_board(flight, 10.0, "the fence was not taken: TIMEOUT")
+    flight.fly_until(lambda: math.hypot(*flight.velocity) > 3.0, 60.0)
+    flight.deaf = True
+    change(flight, missing, box(ahead(flight, 25.0), name="next"))
+    flight.position = Point(*missing.polygon.representative_point().coords[0])
+    flight.step()
+    flight.deaf = False
+    flight.fly_until(lambda: boarding(flight) == 2, 60.0)
+    assert State.PASSIVE not in flight.states
+    assert clear_of(flight, missing, -1) > 4.0
+
+
+def test_a_stop_that_changed_waypoints_need_is_kept_for_the_upload_on_resume(pretend):
+    """PX4 takes a plan whose items move only in Hold."""
+    flight = cruising(pretend)
+    change(flight, box(flight.mission.waypoints[-1].position, half_m=4.0))
+    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
+    flight.pilot_chooses(FlightMode.POSITION)
+    flight.give(PlanRenewed("the pilot has the vehicle"))
+    flight.fly_until(lambda: math.hypot(*flight.velocity) < 0.1, 10.0)
+    flight.pilot_chooses(FlightMode.MISSION)
+    assert flight.operator_requests(GoOn()).accepted
+    flight.fly_until(lambda: boarding(flight) == 2, 10.0)
+    assert flight.mode is FlightMode.HOLD
+
+
 def test_another_stations_plan_during_a_renewal_ends_that_and_is_a_takeover(pretend):
     flight, _ = drawn_over(pretend)
     update = flight.controller.airspace_update

@@ -78,6 +78,21 @@ def test_only_jumps_that_were_sent_put_the_plan_on_board_in_doubt(gate, sent):
     assert gate.by_points is sent
 
 
+def test_an_uploaded_plan_is_left_only_after_as_many_lost_jumps_as_the_one_before(gate):
+    def lose(jumps):
+        for _ in range(jumps):
+            jump = FlyToNode(1, HERE)
+            gate.send(jump)
+            gate.failed(CommandFailed(jump, "deaf"))
+
+    lose(JUMPS)
+    gate.fly_points(instead=False)
+    lose(JUMPS - 1)
+    assert not gate.by_points
+    lose(1)
+    assert gate.by_points
+
+
 @pytest.mark.parametrize(
     ("sent", "announced", "pause_s"),
     [(True, "the vehicle did not follow", 3.0), (False, "not sent", 1.5)],

@@ -437,6 +437,21 @@ def test_points_are_flown_to_one_after_the_other_and_then_it_explores_on(in_stat
     assert closest_m >= flight.mission.planner.clearance_m
 
 
+def test_points_left_are_those_not_reached_yet_also_at_the_last_and_after_a_hold(in_state):
+    flight = in_state(State.GOTO)
+    controller = flight.controller
+    assert controller.status().points_left == 2
+    flight.fly_until(lambda: controller.status().points_left == 1, 200.0)
+    assert math.dist(flight.position, FAR[0]) < 3.0
+    flight.fly_until(lambda: controller.context.left_s is not None, 200.0)
+    assert controller.status().points_left == 0  # it hovers at the last one
+    send(flight, HoldNow())
+    assert send(flight, GoOn())[0].accepted
+    flight.fly_for(2.0)
+    assert (controller.state, controller.status().points_left) == (State.GOTO, 0)
+    flight.fly_to_state(State.EXPL, 30.0)
+
+
 def test_gusts_do_not_keep_it_at_a_point_for_ever(in_state):
     flight = in_state(State.GOTO)
     flight.fly_until(lambda: math.dist(flight.position, FAR[0]) < 1.0, 300.0)
@@ -579,16 +594,27 @@ def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(preten
     assert (answered.request_id, answered.code) == ("4", Refusal.NOT_OURS)
 
 
-def test_points_that_waited_for_too_long_are_not_flown_to(pretend):
-    flight = pretend()
-    flight.step()
+@pytest.mark.parametrize("state", [State.READY, State.HOLD])
+def test_points_that_waited_for_too_long_are_refused_in_time_and_not_flown_to(in_state, state):
+    flight = in_state(state)
     flight.give(GoTo(FAR, waits=True, waits_s=30.0, by="basestation", request_id="1"))
-    flight.fly_for(31.0)
-    flight.take_off()
+    answers = []
+
+    def answered():
+        answers[:] = [a for a in flight.actions if isinstance(a, CommandAck) and a.request_id]
+        return answers[-1:] and answers[-1].request_id == "1"
+
+    given_s = flight.now_s
+    flight.fly_until(answered, 60.0)
+    assert flight.now_s - given_s == pytest.approx(30.0, abs=0.5)
+    assert (answers[-1].code, flight.controller.state) == (Refusal.TOO_LATE, state)
+    if state is State.READY:
+        flight.take_off()
+    else:
+        send(flight, GoOn())
     flight.step()
-    (answer,) = [a for a in flight.actions if isinstance(a, CommandAck)]
-    assert (answer.request_id, answer.code) == ("1", Refusal.TOO_LATE)
-    assert flight.controller.state is State.INIT
+    assert flight.controller.state in {State.INIT, State.EXPL}
+    assert [a.request_id for a in flight.actions if isinstance(a, CommandAck)].count("1") == 1
 
 
 def test_a_point_that_is_cut_off_on_the_way_is_left_out(in_state, monkeypatch):

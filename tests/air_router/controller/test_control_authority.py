@@ -226,7 +226,7 @@ def test_a_pilot_who_arms_and_lets_it_disarm_again_may_arm_again(pretend):
         flight.armed = armed
         flight.step()
     assert flight.finished is None
-    assert any("waiting on" in text for text in flight.announced)
+    assert any("still waiting for the pilot to arm" in text for text in flight.announced)
     flight.take_off()
     flight.fly_to_state(State.INIT)
 

@@ -16,7 +16,7 @@ from air_router.controller.model.actions import (
 )
 from air_router.controller.model.events import AirspaceChanged, PeerFault, RobotPose
 from air_router.controller.model.interlocks_raised import Anomaly
-from air_router.controller.model.requests import GoOn, GoTo, HoldNow
+from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Navigator
 from air_router.mission.mission import Waypoint
@@ -69,6 +69,22 @@ def test_comm_ends_after_t_c_when_only_one_direction_syncs(pretend):
     flight.give(SyncEnded(robot, 0.0, Direction.IN, 1, 1, 0.1))
     flight.fly_to_state(State.EXPL)
     assert flight.now_s - began_s == pytest.approx(20.0, abs=0.3)
+
+
+def test_a_sync_that_a_byte_budget_cut_short_does_not_end_comm(pretend):
+    flight = in_comm(pretend)
+    robot = flight.controller.context.task.robot
+    flight.robots = {}
+
+    def sync(*, complete):
+        for direction in Direction:
+            flight.give(SyncStarted(robot, 0.0, direction))
+            flight.give(SyncEnded(robot, 0.0, direction, 1, 1, 0.1, complete=complete))
+
+    sync(complete=False)
+    assert flight.controller.state is State.COMM
+    sync(complete=True)
+    assert flight.controller.state is State.EXPL
 
 
 def test_a_sync_that_began_before_the_robot_was_found_does_not_count(pretend):
@@ -358,6 +374,18 @@ def test_a_hold_that_was_not_requested_does_not_leave_while_nothing_is_received(
     flight.give(LinkSilent(flight.now_s, 4.0))
     flight.operator_requests(HoldNow())
     assert flight.controller.state is State.HOLD
+
+
+def test_one_message_with_an_empty_battery_right_after_a_silence_counts_for_nothing(away):
+    flight = away()
+    flight.voltage_v = 16.8
+    flight.operator_requests(ComeHome())
+    flight.give(LinkSilent(flight.now_s, 4.0))
+    flight.battery = 0.0
+    reports_mode(flight, 1.2)  # it is not known yet whether a pilot has it
+    assert flight.controller.telemetry.battery == 1.0
+    assert "the charge jumped from 100% to 0%" in flight.announced[-1]
+    assert flight.operator_requests(HoldNow()).accepted
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -82,7 +82,7 @@ def test_a_landing_goes_on_without_a_fix(airborne):
     flight.fix = False
     flight.ends()
     assert len(flight.motions) == commanded
-    assert "GPS has lost its fix: landing on" in flight.announced
+    assert "GPS has lost its fix: the landing continues" in flight.announced
     assert flight.finished.landed_by_us
 
 

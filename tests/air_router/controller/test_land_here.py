@@ -28,7 +28,11 @@ def test_it_lands_where_it_hovers_and_nothing_calls_that_off(holding):
     assert holding.controller.state is State.LAND
     assert holding.operator_requests(LandNow()).why == "it lands already"
     assert holding.operator_requests(ComeHome()).why == "it lands already"
-    assert holding.operator_requests(HoldNow()).code is Refusal.COMING_HOME
+    refused = holding.operator_requests(HoldNow())
+    assert (refused.code, refused.why) == (
+        Refusal.COMING_HOME,
+        "it lands: kim requested to land here",
+    )
     holding.ends()
     assert math.dist(holding.position, place) < 1.0
     assert holding.finished.why == "landed where it hovered, requested by kim"

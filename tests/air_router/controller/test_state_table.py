@@ -4,7 +4,10 @@ import pytest
 
 from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.states import CommandPolicy, Signal, State, TimerStart
+from air_router.controller.model.task import EndReason
+from air_router.controller.states.goto_state import GotoTask
 from air_router.controller.states.table import STATES, transitions
+from geo.frame import Point
 from tests.printed import assert_printed
 
 PAPER = {
@@ -49,6 +52,10 @@ def signalled(flight, signal):
     """What a signal makes of a controller in a state of its own, without an event around it."""
     context = flight.controller.context
     context.actions = []
+    if signal is Signal.GOTO:  # what comes with it
+        flight.controller.states.goto.goto_task = GotoTask((Point(-20.0, -60.0),), 20.0, "a test")
+    if signal is Signal.COME_HOME:
+        context.task.end(EndReason("a test"))
     context.signal(signal)
     return context.actions
 

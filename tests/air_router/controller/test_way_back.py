@@ -206,6 +206,21 @@ def test_where_a_zone_may_be_above_the_pilot_climbs(flight_in, pennovation, spar
     )
 
 
+def test_a_climb_that_a_new_zone_does_not_allow_is_warned_of_once(flight_in, pennovation):
+    flight = flight_in(State.EXPL)
+    given_back_low(flight)
+    assert flight.operator_requests(GoOn()).accepted
+    away_m = 8.0 + pennovation.planner.clearance_m + 0.5
+    beside = Point(flight.position[0] + away_m, flight.position[1])
+    bridge = Zone("bridge", Circle(beside, 8.0), band=Band(25.0, 30.0))
+    flight.give(AirspaceChanged(pennovation.fences, (*pennovation.zones, bridge)))
+    flight.fly_until(lambda: isinstance(flight.actions[-1], RenewPlan), 20.0)
+    flight.give(PlanRenewed())
+    flight.fly_for(60.0)
+    waits = [text for text in flight.announced if text.startswith("holding: it is ")]
+    assert len(waits) == 1, waits
+
+
 def given_back_low(flight, flies_s=0.0):
     """The pilot flies low for so long, and chooses Hold there."""
     sticks(flight)

@@ -207,7 +207,7 @@ def test_positions_missing_while_it_lands_do_not_stop_it(airborne):
     Missing(flight, "position_s")
     flight.lands()
     assert len(flight.motions) == commanded
-    assert announced(flight, "position", "landing on")
+    assert announced(flight, "position", "the landing continues")
 
 
 def test_in_the_climb_it_is_announced_and_the_mission_ends_by_the_same_table(pretend):
