@@ -214,7 +214,7 @@ MUTANTS = (
          "if number < self._next or number in self._ahead:", "if number < self._next:",
          "sync_receiver sync_network"),
     _row("another team's ids", "mocha_link.intake",
-         "and self._peer.agreement.exchanges(key):", ":", "other_team sync_receiver"),
+         "if peer.agreement.exchanges(key):", "if True:", "other_team sync_receiver"),
     _row("rounds without end", "mocha_link.sync_receiver",
          "hello.reception is Reception.UNKNOWN and not self._is_last_round",
          "hello.reception is Reception.UNKNOWN", "sync_receiver"),

@@ -209,7 +209,7 @@ def test_no_answer(mission, udp_port, monkeypatch):
     [
         (
             {"kind": 6, "autopilot": 8, "system_id": 255, "component_id": 190},
-            "no autopilot's heartbeat",
+            "no autopilot's HEARTBEAT",
         ),
         ({"kind": 2, "autopilot": 3, "system_id": 1}, "is ARDUPILOT, not PX4"),
         ({"kind": 2, "autopilot": 12, "system_id": 7}, "system id 7, not 1.*--sysid 7"),

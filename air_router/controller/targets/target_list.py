@@ -315,8 +315,8 @@ class TargetList:
     def place(self, robot: str, now_s: float) -> SearchPlace:
         """Where a robot is most likely to be.
 
-        A recent pose; else the end of its path; else its last pose, however old; else no position
-        (None: the waypoint passed longest ago).
+        Its last pose, if a new pose or path was received recently; else the end of its path; else
+        its last pose, however old; else no position (None: the waypoint passed longest ago).
         """
         record = self.tracks[robot]
         pose, path = record.pose, record.path
