@@ -432,7 +432,8 @@ class CommandHandler:
 
     def _defer(self, request: GoTo) -> None:
         """Defer a request until the vehicle flies its mission; a newer one replaces it."""
-        self._refuse_deferred(Refusal.REPLACED, "replaced by a newer request")
+        if (before := self.deferred) is not None:
+            self._context.actions.append(CommandAck.replaced(before.request_id, before.by))
         self.deferred, self._until_s = request, self._context.now_s + request.waits_s
         self._context.inform(f"points from {request.by} wait until the vehicle flies on")
 
@@ -445,11 +446,8 @@ class CommandHandler:
 
     def expire_deferred(self) -> None:
         """Refuse a deferred request whose time is over, in any state."""
-        if self._context.now_s > self._until_s:
-            self._refuse_deferred(Refusal.TOO_LATE, "it expired before the vehicle flew on")
-
-    def _refuse_deferred(self, code: Refusal, why: str) -> None:
-        request, self.deferred, self._until_s = self.deferred, None, math.inf
-        if request is not None:
-            ack = CommandAck(request.request_id, request.by, False, why, code)
+        request = self.deferred
+        if request is not None and self._context.now_s > self._until_s:
+            self.deferred, why = None, "it expired before the vehicle flew on"
+            ack = CommandAck(request.request_id, request.by, False, why, Refusal.TOO_LATE)
             self._context.actions.append(ack)

@@ -149,7 +149,7 @@ class Gossip:
             self.publish_map(telemetry.time_s)
         if telemetry.time_s - self._seek_at_s >= SEEK_INTERVAL_S:
             self.publish_sought(self._sought, telemetry.time_s)
-        self._hand_on_goals()
+        self._deliver_goals()
 
     def publish_sought(self, robot: str | None, time_s: float) -> None:
         """Publish which robot this UAV seeks; None: none."""
@@ -216,8 +216,8 @@ class Gossip:
             message = self.node.latest(event.robot, event.topic)
             found = None if message is None else self._event_of(message, event.peer)
             if isinstance(found, GoTo):
-                self._put_off(found)
-                self._hand_on_goals()
+                self._defer_goals(found)
+                self._deliver_goals()
             elif found is not None:
                 self._deliver(found)
 
@@ -234,15 +234,14 @@ class Gossip:
             )
             self._deliver(PeerFault(words))
 
-    def _put_off(self, request: GoTo) -> None:
+    def _defer_goals(self, request: GoTo) -> None:
         """Keep goals until the budget affords them, and answer those that they replace."""
         before, self._goals[request.by] = self._goals.get(request.by), request
         if before is not None:
-            why, code = "replaced by a newer request", Refusal.REPLACED
-            self.publish_ack(CommandAck(before.request_id, before.by, False, why, code))
+            self.publish_ack(CommandAck.replaced(before.request_id, before.by))
 
-    def _hand_on_goals(self) -> None:
-        """Pass goals on within the budget for routes; of one sender only the newest."""
+    def _deliver_goals(self) -> None:
+        """Deliver goals within the budget for routes; of one sender only the newest."""
         for robot, request in list(self._goals.items()):
             if self._budget.affords_routes(len(request.points)):
                 del self._goals[robot]

@@ -2,8 +2,8 @@
 
 1. *Stated* addresses: of the team file, as a number or a host name, or else of the robot's mDNS.
 2. Then those where the peer was reached before, and those its connections and datagrams came from,
-   as it may have moved. With keys these are certainly the peer's. Without keys anyone can claim to
-   be the peer, so they are tried only where the stated ones fail.
+   as it may have moved. With keys these are certainly the peer's. Without keys any sender can claim
+   to be the peer, so they are tried only where the stated ones fail.
 
 With keys an address decides nothing: a connection is used only if its other end proves the peer's
 key.
@@ -72,8 +72,8 @@ class AddressBook:
     def is_trusted(self, peer: str, host: str) -> bool:
         """Whether an address may be used for a peer that has not replied from there yet.
 
-        With keys any may: nobody else can reply as the peer. Without keys only a stated one:
-        others come from whoever has claimed to be the peer.
+        With keys any may: only the peer can reply as the peer. Without keys only a stated one:
+        any sender can claim to be the peer.
         """
         return peer in self._protected or self.is_stated(peer, host)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum, StrEnum
+from typing import Self
 
 from air_router.controller.model.states import Signal, State
 from air_router.vehicle import Severity
@@ -160,6 +161,11 @@ class CommandAck:
     code: Refusal | None = None
     points: tuple[Point, ...] = ()
 
+    @classmethod
+    def replaced(cls, request_id: str, by: str) -> Self:
+        """The answer to goals that wait, and that newer ones replace."""
+        return cls(request_id, by, False, "replaced by a newer request", Refusal.REPLACED)
+
 
 class ControlHolder(Enum):
     """Who else may command the vehicle."""
@@ -170,7 +176,7 @@ class ControlHolder(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """The flight is over: landed by this program or by whoever took over."""
+    """The flight is over: landed by this program, the pilot or a failsafe."""
 
     landed_by_us: bool  # after LAND
     why: str  # as text
